@@ -1,0 +1,94 @@
+"""Hypotheses: where the tracks are expected, and which detection each one gets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gda_tracker.vocabulary.arrays import (
+    BoolArray,
+    FloatArray,
+    Int32Array,
+    IntArray,
+    MaskArray,
+    empty_floats,
+)
+from gda_tracker.vocabulary.scans import ScanKey
+
+
+@dataclass(slots=True, frozen=True)
+class AssociationSettings:
+    """The settings that hold for one scan; they travel in ``Predictions``.
+
+    ``clutter_density`` has the unit 1/(m rad): detections per measurement volume that belong to no track.
+    """
+
+    decision: str = "gda"
+    attribute_term: str = "none"
+    missed_track_hypotheses: str = "zero"
+    gate_probability: float = 0.99
+    clutter_density: float = 1e-6
+
+
+@dataclass(slots=True)
+class Predictions:
+    """H hypotheses predicted to the time of the scan; message ``Predictions``.
+
+    A hypothesis is a Gaussian mixture: components ``component_start[h]`` to ``component_start[h + 1]``
+    of ``component_weight`` (K,), ``component_mean`` (K, s) [m, m/s] and ``component_covariance``
+    (K, s, s); the state is all positions, then all velocities. ``masses`` (H, E) over ``focal`` and
+    ``class_probability`` (H, C) are the attribute histories.
+    """
+
+    key: ScanKey
+    settings: AssociationSettings
+    hypothesis_id: IntArray
+    parent_id: IntArray
+    track_id: IntArray
+    detection_probability: FloatArray
+    component_start: Int32Array
+    component_weight: FloatArray
+    component_model: Int32Array
+    component_mean: FloatArray
+    component_covariance: FloatArray
+    frame: tuple[str, ...] = ()
+    focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
+    masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    class_names: tuple[str, ...] = ()
+    class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+
+    def __len__(self) -> int:
+        return len(self.hypothesis_id)
+
+
+@dataclass(slots=True)
+class Associations:
+    """The decision on one scan for P gated pairs of H hypotheses; message ``Associations``.
+
+    Per pair (P,): ``kinematic_log_likelihood`` [log 1/(m rad)], ``p_kinematic`` P_k (14.4.1),
+    ``p_attribute`` P_a = 1 - P'_a (14.4.2), ``p_generalised`` P_k P_a, ``joint_marginal`` from the joint
+    kinematic and attribute likelihood, ``chosen``. ``assigned_detection`` (H,) is the row in the scan or
+    -1. ``cluster_engine`` (G,) indexes ``engine_names``; ``cluster_converged`` (G,) is False where an
+    approximate engine did not settle.
+    """
+
+    key: ScanKey
+    decision: str
+    attribute_term: str
+    degraded: bool
+    hypothesis: Int32Array
+    detection: Int32Array
+    mahalanobis_squared: FloatArray
+    kinematic_log_likelihood: FloatArray
+    attribute_log_likelihood: FloatArray
+    p_kinematic: FloatArray
+    p_attribute: FloatArray
+    p_generalised: FloatArray
+    joint_marginal: FloatArray
+    chosen: BoolArray
+    cluster: Int32Array
+    assigned_detection: Int32Array
+    cluster_engine: Int32Array
+    cluster_converged: BoolArray
+    engine_names: tuple[str, ...]

@@ -1,0 +1,27 @@
+"""A recording: the scans of one experiment in order, with truth where it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gda_tracker.vocabulary.scans import Detections, ScanTruth
+
+
+@dataclass(slots=True)
+class Recording:
+    """Scans of one experiment, from a simulator, a bag or a file.
+
+    ``truth`` is ``None`` or has one entry per scan. ``preset`` gives, per node name, the parameters
+    that suit the sensor; ``preset_name`` says where they come from. ``origin`` is a line about the
+    source with licence and citation.
+    """
+
+    name: str
+    detections: list[Detections]
+    truth: list[ScanTruth] | None = None
+    preset_name: str = "default"
+    preset: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    origin: str = ""
+    warnings: list[str] = field(default_factory=list)

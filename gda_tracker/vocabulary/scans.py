@@ -1,0 +1,117 @@
+"""Scans: what a sensor reports, what is admitted, what is answered, what was true."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, empty_floats
+
+IDENTITY_QUATERNION = (0.0, 0.0, 0.0, 1.0)
+
+
+class ScanKey(NamedTuple):
+    """Identity of one scan on its way round the ring."""
+
+    epoch: int
+    sensor_id: str
+    stamp_ns: int
+
+
+@dataclass(slots=True)
+class Detections:
+    """One scan of one sensor as published, before any check; message ``DetectionArray``.
+
+    All arrays are (n,) unless said otherwise; ``None`` stands for "not measured". Standard deviations
+    are (n,), (1,) for all, or ``None`` for the tracker's own parameter. ``covariance`` is (n, d, d)
+    over the measured ones of range, azimuth, elevation, range rate, in this order.
+    """
+
+    sensor_id: str
+    stamp_ns: int
+    range_m: FloatArray
+    azimuth_rad: FloatArray
+    elevation_rad: FloatArray | None = None
+    range_rate_mps: FloatArray | None = None
+    rcs_m2: FloatArray | None = None
+    rcs_valid: BoolArray | None = None
+    range_std_m: FloatArray | None = None
+    azimuth_std_rad: FloatArray | None = None
+    elevation_std_rad: FloatArray | None = None
+    range_rate_std_mps: FloatArray | None = None
+    covariance: FloatArray | None = None
+    time_offset_s: FloatArray | None = None
+    sensor_position_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    sensor_orientation_xyzw: FloatArray = field(
+        default_factory=lambda: np.array(IDENTITY_QUATERNION)
+    )
+    frame_id: str = ""
+    sequence: int = 0
+
+
+@dataclass(slots=True)
+class Scan:
+    """An admitted scan: n valid detections with pose and noise filled in; message ``Scan``.
+
+    ``noise_covariance`` is (n, d, d) over range, azimuth[, elevation][, range rate].
+    ``source_index`` (n,) is the row of each detection in the source's ``Detections``.
+    """
+
+    key: ScanKey
+    frame_id: str
+    sensor_position_m: FloatArray
+    sensor_orientation_xyzw: FloatArray
+    source_index: Int32Array
+    range_m: FloatArray
+    azimuth_rad: FloatArray
+    noise_covariance: FloatArray
+    rcs_m2: FloatArray
+    rcs_valid: BoolArray
+    elevation_rad: FloatArray | None = None
+    range_rate_mps: FloatArray | None = None
+    time_offset_s: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.range_m)
+
+
+@dataclass(slots=True)
+class ScanReport:
+    """The answer to one ``Detections``; message ``ScanReport``.
+
+    ``outcome`` is ``tracked``, ``degraded``, ``gave_up``, ``initialised`` or ``rejected``;
+    ``rejected`` counts, by reason, the detections that were left out of an admitted scan.
+    """
+
+    key: ScanKey
+    outcome: str
+    reason: str = ""
+    repeated: bool = False
+    latency_s: float = 0.0
+    detections_received: int = 0
+    detections_admitted: int = 0
+    rejected: dict[str, int] = field(default_factory=dict)
+    tracks_confirmed: int = 0
+    tracks_tentative: int = 0
+    queue_length: int = 0
+    retries: int = 0
+
+
+@dataclass(slots=True)
+class ScanTruth:
+    """What really happened on one scan; message ``ScanTruth``.
+
+    ``source_id`` (n,) names the target behind each detection of the source's ``Detections``, -1 for
+    clutter, ``None`` where unknown. ``target_state`` is (T, 4): x, y, vx, vy, NaN where unknown.
+    """
+
+    sensor_id: str
+    stamp_ns: int
+    target_id: Int32Array
+    target_state: FloatArray = field(default_factory=lambda: empty_floats(0, 4))
+    source_id: Int32Array | None = None
+    target_class: tuple[str, ...] = ()
+    run: int = 0
+    frame_id: str = ""

@@ -1,0 +1,54 @@
+"""Tracks: the answer to "what is there?" after each scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray, MaskArray, empty_floats
+from gda_tracker.vocabulary.scans import ScanKey
+
+TENTATIVE = 0
+CONFIRMED = 1
+
+
+def _ints() -> IntArray:
+    return np.zeros(0, dtype=np.int64)
+
+
+@dataclass(slots=True)
+class Tracks:
+    """N live tracks after one scan, by rising track id; message ``TrackArray``.
+
+    ``mean`` (N, s) [m, m/s] and ``covariance`` (N, s, s); ``class_probability`` (N, C), pignistic where
+    the attribute term works with belief masses; ``masses`` (N, E) over the Venn bitmasks ``focal``;
+    ``conflict`` (N,) of the last fusion; ``detection_index`` (N,) row in the source's ``Detections``, -1
+    for none; stamps in ns. ``status`` (N,) is ``TENTATIVE`` or ``CONFIRMED``.
+    """
+
+    key: ScanKey
+    frame_id: str = ""
+    system_uuid: bytes = bytes(16)
+    track_id: IntArray = field(default_factory=_ints)
+    hypothesis_id: IntArray = field(default_factory=_ints)
+    status: IntArray = field(default_factory=_ints)
+    mean: FloatArray = field(default_factory=lambda: empty_floats(0, 4))
+    covariance: FloatArray = field(default_factory=lambda: empty_floats(0, 4, 4))
+    frame: tuple[str, ...] = ()
+    focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
+    masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    class_names: tuple[str, ...] = ()
+    class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    conflict: FloatArray = field(default_factory=empty_floats)
+    hits: IntArray = field(default_factory=_ints)
+    misses: IntArray = field(default_factory=_ints)
+    coasted_scans: IntArray = field(default_factory=_ints)
+    first_detection_ns: IntArray = field(default_factory=_ints)
+    last_detection_ns: IntArray = field(default_factory=_ints)
+    detection_index: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    deleted_track_id: IntArray = field(default_factory=_ints)
+    degraded: bool = False
+
+    def __len__(self) -> int:
+        return len(self.track_id)
