@@ -1,0 +1,231 @@
+# Set-up, tests and the demo, without root and without a sourced ROS installation.
+# `make` lists the targets. A ROS 2 Jazzy installation uses colcon instead, see README.md.
+
+VENV := .venv
+OLDEST := .venv-oldest
+STAMPS := $(VENV)/.stamps
+SCRATCH := build/venv
+BIN := $(VENV)/bin
+# Arguments for pytest, as in: make test-core ARGS="-k joint -x"
+ARGS ?=
+JOBS ?= $(shell nproc)
+
+SHELL := /bin/sh
+.SHELLFLAGS := -euc
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+MAKEFLAGS += --no-builtin-rules
+
+# A sourced ROS installation and an active environment would mix with the one built here.
+unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV
+unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH RMW_IMPLEMENTATION
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+ifdef AMENT_PREFIX_PATH
+unexport LD_LIBRARY_PATH
+endif
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+say := @printf '[setup] %s\n'
+pip := $(BIN)/python -m pip --quiet --no-input
+
+# ---------------------------------------------------------------- what users call
+
+.DEFAULT_GOAL := help
+
+.PHONY: help
+help: ## list the targets
+	@echo 'gda_tracker: multi-target radar tracking for ROS 2 Jazzy'
+	@echo
+	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
+	@echo
+	@echo '  PYTHON=python3.12  the interpreter for the environments (default: python3)'
+	@echo '  ARGS="-k name -x"  arguments for pytest'
+
+.PHONY: setup
+setup: ## build the environment in .venv: ROS 2 wheels, messages, gda_tracker (about 2 minutes, once)
+	@$(call locked,environment)
+
+.PHONY: demo
+demo: setup ## run the demo
+	@$(BIN)/gda-tracker demo
+
+.PHONY: test
+test: lint test-core test-nodes test-oldest ## run everything: lint, core, nodes, oldest numpy and scipy
+
+.PHONY: setup-test
+setup-test: ## the environment with the test tools
+	@$(call locked,environment-test)
+
+.PHONY: lint
+lint: setup-test ## check style, format, types and import layers
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+.PHONY: test-core
+test-core: setup-test ## test everything that needs no running nodes
+	$(test_environment) $(BIN)/python -m pytest test --ignore=test/nodes -n $(JOBS) $(ARGS)
+
+.PHONY: test-nodes
+test-nodes: setup-test ## test the node graph over DDS
+	$(test_environment) $(BIN)/python -m pytest test/nodes $(ARGS)
+
+# What needs ROS, bags or the installed package is left out: test/nodes, test/io, test_packaging.py.
+.PHONY: test-oldest
+test-oldest: ## test the core with the oldest numpy and scipy, without ROS
+	@$(call locked,environment-oldest)
+	$(OLDEST)/bin/python -m pytest test --ignore=test/nodes --ignore=test/io \
+		--ignore=test/test_packaging.py -n $(JOBS) $(ARGS)
+
+.PHONY: format
+format: setup-test ## format the code and fix what ruff can fix
+	$(BIN)/ruff check --fix-only
+	$(BIN)/ruff format
+
+.PHONY: clean
+clean: ## remove builds and caches
+	rm -rf build install log dist *.egg-info .mypy_cache .pytest_cache .ruff_cache \
+		.import_linter_cache .hypothesis
+	find gda_tracker launch test -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
+
+.PHONY: distclean
+distclean: clean ## remove the environments too
+	rm -rf $(VENV) $(OLDEST)
+
+# Wrong Python types in messages fail, nodes stay on this machine, logs stay in the build folder.
+test_environment := \
+	ROS_PYTHON_CHECK_FIELDS=1 \
+	ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST \
+	ROS_LOG_DIR=$(CURDIR)/build/ros_log
+
+# ---------------------------------------------------------------- the environment
+
+# One set-up at a time in this tree; a second one waits and then finds nothing to do.
+locked = mkdir -p build; \
+	if command -v flock >/dev/null; then \
+		flock build/.setup.lock $(MAKE) --no-print-directory $(1); \
+	else \
+		$(MAKE) --no-print-directory $(1); \
+	fi
+
+.PHONY: environment environment-test environment-oldest
+environment: $(STAMPS)/package
+	@:
+environment-test: environment $(STAMPS)/test
+	@:
+environment-oldest: $(OLDEST)/.stamps/oldest
+	@:
+
+# An environment does not survive being moved or copied: its scripts name its path.
+ifneq ($(shell cat $(STAMPS)/venv 2>/dev/null),$(CURDIR))
+.PHONY: $(STAMPS)/venv
+endif
+$(STAMPS)/venv:
+	$(say) 'checking the tools of this machine'
+	@requirements/check-tools.sh >/dev/null
+	@python=$$(requirements/check-tools.sh) && \
+		printf '[setup] creating $(VENV) with %s\n' "$$($$python --version)" && \
+		$$python -m venv --clear $(VENV)
+	@rm -rf $(SCRATCH)
+	@mkdir -p $(STAMPS)
+	@echo '$(CURDIR)' > $@
+
+install_requirements := requirements/ros.txt requirements/build.txt requirements/runtime.txt
+
+# The start-up module makes .venv usable without sourcing anything, see its text.
+$(STAMPS)/wheels: $(STAMPS)/venv $(install_requirements) requirements/constraints.txt \
+		requirements/gda_tracker_venv.py
+	$(say) 'installing ROS 2 Jazzy, numpy and scipy (about 130 packages, one minute)'
+	@$(pip) install --constraint requirements/constraints.txt \
+		$(addprefix --requirement ,$(install_requirements))
+	@site=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
+		cp requirements/gda_tracker_venv.py "$$site" && \
+		echo 'import gda_tracker_venv' > "$$site/gda_tracker_venv.pth"
+	@touch $@
+
+$(STAMPS)/test: $(STAMPS)/wheels requirements/test.txt
+	$(say) 'installing the test tools'
+	@$(pip) install --constraint requirements/constraints.txt --requirement requirements/test.txt
+	@touch $@
+
+# A list of files changes when one is added or removed, which time stamps do not show.
+.PHONY: FORCE
+FORCE:
+define list_rule
+$(STAMPS)/$(1).list: $(STAMPS)/venv FORCE
+	@printf '%s\n' $(2) | cmp -s - $$@ || printf '%s\n' $(2) > $$@
+endef
+
+message_sources := $(sort $(wildcard msg_schemas/msg/*.msg)) msg_schemas/CMakeLists.txt \
+	msg_schemas/package.xml
+$(eval $(call list_rule,messages,$(message_sources)))
+
+generator := $(if $(shell command -v ninja),Ninja,Unix Makefiles)
+
+# The environment is the ament prefix. Files of the previous build are removed from it first, so
+# that a message which was renamed or removed does not stay.
+$(STAMPS)/messages: $(STAMPS)/wheels $(STAMPS)/messages.list $(message_sources) \
+		$(wildcard cmake/*.cmake)
+	$(say) 'building the messages (about one minute)'
+	@mkdir -p $(SCRATCH)
+	@PATH="$(CURDIR)/$(BIN):$$PATH" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" \
+	sh -eu -c '\
+		cmake -S msg_schemas -B $(SCRATCH)/messages -G "$(generator)" \
+			-DCMAKE_BUILD_TYPE=Release \
+			-DCMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
+			-DCMAKE_INSTALL_PREFIX="$(CURDIR)/$(VENV)" \
+			-DCMAKE_INSTALL_RPATH="\$$ORIGIN;\$$ORIGIN/../../.." \
+			-DCMAKE_PROJECT_INCLUDE="$(CURDIR)/cmake/drop_missing_include_directories.cmake" \
+			-DPython3_EXECUTABLE="$(CURDIR)/$(BIN)/python" \
+			-DBUILD_TESTING=OFF && \
+		cmake --build $(SCRATCH)/messages --parallel $(JOBS) && \
+		if [ -f $(STAMPS)/messages.manifest ]; then \
+			xargs -d "\n" rm -f < $(STAMPS)/messages.manifest; \
+		fi && \
+		cmake --install $(SCRATCH)/messages && \
+		cp $(SCRATCH)/messages/install_manifest.txt $(STAMPS)/messages.manifest' \
+		> $(SCRATCH)/messages.log 2>&1 || \
+		{ tail -n 30 $(SCRATCH)/messages.log; \
+		  echo '[setup] the messages do not build; the whole log: $(SCRATCH)/messages.log'; exit 1; }
+	@cd / && "$(CURDIR)/$(BIN)/python" -c 'import gda_tracker_msgs.msg'
+	@touch $@
+
+package_sources := $(sort $(shell find gda_tracker params launch data resource msg_schemas/msg \
+	-type f ! -path '*/__pycache__/*' ! -name '.*' 2>/dev/null)) \
+	package.xml setup.py setup.cfg pyproject.toml
+$(eval $(call list_rule,package,$(package_sources)))
+
+# pip knows no lib/gda_tracker, where ROS launch files look for the executables of nodes.
+$(STAMPS)/package: $(STAMPS)/wheels $(STAMPS)/messages $(STAMPS)/package.list $(package_sources)
+	$(say) 'installing gda_tracker'
+	@rm -rf build/lib build/bdist.* *.egg-info
+	@$(pip) install --force-reinstall --no-deps --no-build-isolation --no-index .
+	@rm -rf build/lib build/bdist.* *.egg-info
+	@rm -rf $(VENV)/lib/gda_tracker
+	@mkdir -p $(VENV)/lib/gda_tracker
+	@cd / && for script in $$("$(CURDIR)/$(BIN)/python" -c 'from importlib import metadata; \
+	print(*(e.name for e in metadata.distribution("gda_tracker").entry_points))'); do \
+		ln -s ../../bin/$$script "$(CURDIR)/$(VENV)/lib/gda_tracker/$$script"; \
+	done
+	@touch $@
+	$(say) 'ready: $(BIN)/gda-tracker --help'
+
+ifneq ($(shell cat $(OLDEST)/.stamps/venv 2>/dev/null),$(CURDIR))
+.PHONY: $(OLDEST)/.stamps/venv
+endif
+# Python 3.11 or 3.12 first: the oldest numpy and scipy have no wheels for later ones.
+$(OLDEST)/.stamps/venv:
+	@python=$$(for p in $(PYTHON) python3 python3.12 python3.11; do \
+		if $$p -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' \
+			2>/dev/null; then echo $$p; break; fi; done); \
+		python=$${python:-$$(requirements/check-tools.sh)}; \
+		printf '[setup] creating $(OLDEST) with %s\n' "$$($$python --version)"; \
+		$$python -m venv --clear $(OLDEST)
+	@mkdir -p $(@D)
+	@echo '$(CURDIR)' > $@
+
+$(OLDEST)/.stamps/oldest: $(OLDEST)/.stamps/venv requirements/oldest.txt
+	$(say) 'installing the oldest supported numpy and scipy'
+	@$(OLDEST)/bin/python -m pip --quiet --no-input install --requirement requirements/oldest.txt
+	@touch $@
