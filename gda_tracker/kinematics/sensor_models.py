@@ -1,0 +1,174 @@
+"""Sensor models: from a scan to measurements in the tracking plane, and from states to innovations.
+
+A polar measurement is z = [horizontal range, azimuth in tracking axes]; elevation, yaw, tilt and height
+of the sensor are taken out once per scan, so that the filters see one simple model:
+h(x) = [|p - s|, atan2(p_y - s_y, p_x - s_x)], p the target's position, s the sensor's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
+from gda_tracker.vocabulary.scans import Scan
+
+TWO_PI = 2.0 * math.pi
+
+
+def wrap_angle(angle: FloatArray) -> FloatArray:
+    """Wrap angles [rad] into [-pi, pi)."""
+    return (angle + math.pi) % TWO_PI - math.pi
+
+
+@dataclass(slots=True)
+class PolarMeasurements:
+    """n measurements in the tracking plane.
+
+    ``range_m``, ``azimuth_rad`` (n,), ``covariance`` (n, 2, 2) in the order range, azimuth
+    [m2, m rad, rad2], ``sensor_xy_m`` (2,), ``time_offset_s`` (n,) or ``None``.
+    """
+
+    range_m: FloatArray
+    azimuth_rad: FloatArray
+    covariance: FloatArray
+    sensor_xy_m: FloatArray
+    time_offset_s: FloatArray | None
+
+    def __len__(self) -> int:
+        return len(self.range_m)
+
+
+def polar_measurements(scan: Scan) -> PolarMeasurements:
+    """Take sensor yaw, tilt and elevation out of a scan.
+
+    A level sensor without elevation keeps range and noise as they are and only turns the azimuth. Else
+    range r, azimuth a, elevation e become the horizontal range and azimuth of the rotated direction,
+    with the noise carried along by the Jacobian.
+    """
+    x, y, z, w = (float(value) for value in scan.sensor_orientation_xyzw)
+    noise = scan.noise_covariance[:, :2, :2]
+    tilted = abs(x) > 1e-12 or abs(y) > 1e-12
+    if scan.elevation_rad is None and not tilted:
+        yaw = 2.0 * math.atan2(z, w)
+        azimuth = scan.azimuth_rad if yaw == 0.0 else wrap_angle(scan.azimuth_rad + yaw)
+        return PolarMeasurements(
+            scan.range_m, azimuth, noise, scan.sensor_position_m[:2], scan.time_offset_s
+        )
+    n = len(scan)
+    rotation = _rotation_matrix(x, y, z, w)
+    r, a = scan.range_m, scan.azimuth_rad
+    e = np.zeros(n) if scan.elevation_rad is None else scan.elevation_rad
+    ca, sa, ce, se = np.cos(a), np.sin(a), np.cos(e), np.sin(e)
+    # Columns: derivative of the Cartesian vector by range, azimuth, elevation.
+    local = np.stack(
+        [
+            np.stack([ca * ce, -r * sa * ce, -r * ca * se], axis=1),
+            np.stack([sa * ce, r * ca * ce, -r * sa * se], axis=1),
+            np.stack([se, np.zeros(n), r * ce], axis=1),
+        ],
+        axis=1,
+    )
+    turned = rotation @ local
+    vector = turned[:, :, 0] * r[:, None]
+    horizontal = np.maximum(np.hypot(vector[:, 0], vector[:, 1]), 1e-9)
+    to_polar = np.zeros((n, 2, 3))
+    to_polar[:, 0, :2] = vector[:, :2] / horizontal[:, None]
+    to_polar[:, 1, 0] = -vector[:, 1] / horizontal**2
+    to_polar[:, 1, 1] = vector[:, 0] / horizontal**2
+    measured = 2 if scan.elevation_rad is None else 3
+    jacobian = (to_polar @ turned)[:, :, :measured]
+    covariance = (
+        jacobian @ scan.noise_covariance[:, :measured, :measured] @ jacobian.transpose(0, 2, 1)
+    )
+    return PolarMeasurements(
+        horizontal,
+        np.arctan2(vector[:, 1], vector[:, 0]),
+        covariance,
+        scan.sensor_position_m[:2],
+        scan.time_offset_s,
+    )
+
+
+def _rotation_matrix(x: float, y: float, z: float, w: float) -> FloatArray:
+    """Rotation matrix (3, 3) of a unit quaternion."""
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def cartesian_positions(measurements: PolarMeasurements) -> tuple[FloatArray, FloatArray]:
+    """Positions (n, 2) [m] and their covariances (n, 2, 2) [m2] by first-order conversion.
+
+    Tchamova et al. 2004, section 14.2.2, with the xy term that the chapter drops.
+    """
+    cosine, sine = np.cos(measurements.azimuth_rad), np.sin(measurements.azimuth_rad)
+    r = measurements.range_m
+    position = measurements.sensor_xy_m + np.stack([r * cosine, r * sine], axis=1)
+    jacobian = np.empty((len(r), 2, 2))
+    jacobian[:, 0, 0], jacobian[:, 0, 1] = cosine, -r * sine
+    jacobian[:, 1, 0], jacobian[:, 1, 1] = sine, r * cosine
+    return position, jacobian @ measurements.covariance @ jacobian.transpose(0, 2, 1)
+
+
+@dataclass(slots=True)
+class Innovations:
+    """Innovations of P pairs (state, measurement).
+
+    ``residual`` (P, 2) [m, rad] with the azimuth wrapped, ``jacobian`` (P, 2, s), ``covariance``
+    (P, 2, 2) S = H P H' + R.
+    """
+
+    residual: FloatArray
+    jacobian: FloatArray
+    covariance: FloatArray
+
+    def mahalanobis_squared(self) -> tuple[FloatArray, FloatArray]:
+        """Return d2 (P,) = v' S^-1 v and det S (P,)."""
+        s_rr, s_ra = self.covariance[:, 0, 0], self.covariance[:, 0, 1]
+        s_aa = self.covariance[:, 1, 1]
+        determinant = s_rr * s_aa - s_ra * s_ra
+        v_r, v_a = self.residual[:, 0], self.residual[:, 1]
+        squared = (s_aa * v_r * v_r - 2.0 * s_ra * v_r * v_a + s_rr * v_a * v_a) / determinant
+        return squared, determinant
+
+
+def innovations(
+    measurements: PolarMeasurements,
+    mean: FloatArray,
+    covariance: FloatArray,
+    detection: Int32Array,
+) -> Innovations:
+    """Innovations of states ``mean`` (P, s), ``covariance`` (P, s, s) against rows ``detection`` (P,).
+
+    A detection with a time offset tau is compared with the position moved on by tau times the velocity.
+    Tchamova et al. 2004, section 14.2.1.1; h and H in range, azimuth order, azimuth from the x axis.
+    """
+    pairs, size = mean.shape
+    dimension = size // 2
+    dx = mean[:, 0] - measurements.sensor_xy_m[0]
+    dy = mean[:, 1] - measurements.sensor_xy_m[1]
+    offset = None
+    if measurements.time_offset_s is not None:
+        offset = measurements.time_offset_s[detection]
+        dx = dx + offset * mean[:, dimension]
+        dy = dy + offset * mean[:, dimension + 1]
+    distance = np.maximum(np.hypot(dx, dy), 1e-9)
+    residual = np.empty((pairs, 2))
+    residual[:, 0] = measurements.range_m[detection] - distance
+    residual[:, 1] = wrap_angle(measurements.azimuth_rad[detection] - np.arctan2(dy, dx))
+    jacobian = np.zeros((pairs, 2, size))
+    jacobian[:, 0, 0] = dx / distance
+    jacobian[:, 0, 1] = dy / distance
+    jacobian[:, 1, 0] = -dy / distance**2
+    jacobian[:, 1, 1] = dx / distance**2
+    if offset is not None:
+        jacobian[:, :, dimension : dimension + 2] = jacobian[:, :, :2] * offset[:, None, None]
+    spread = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + measurements.covariance[detection]
+    return Innovations(residual, jacobian, spread)

@@ -1,0 +1,106 @@
+"""The track manager's table of hypotheses, as arrays, one row per live hypothesis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from gda_tracker.vocabulary.arrays import FloatArray, IntArray, MaskArray, empty_floats
+
+
+def _ints() -> IntArray:
+    return np.zeros(0, dtype=np.int64)
+
+
+@dataclass(slots=True)
+class HypothesisTable:
+    """H live hypotheses; the rows stand in the order of their ids.
+
+    ``mean`` (H, s) [m, m/s], ``covariance`` (H, s, s); ``history`` (H,) has the hits of the last scans
+    as bits, newest in bit 0; ``detection_index`` (H,) is the row of the last scan's detection in the
+    source's array, -1 for none. Beliefs: ``masses`` (H, E) over the Venn bitmasks ``focal`` of the
+    frame, ``class_probability`` (H, C), ``conflict`` (H,).
+    """
+
+    hypothesis_id: IntArray = field(default_factory=_ints)
+    parent_id: IntArray = field(default_factory=_ints)
+    track_id: IntArray = field(default_factory=_ints)
+    status: IntArray = field(default_factory=_ints)
+    mean: FloatArray = field(default_factory=lambda: empty_floats(0, 4))
+    covariance: FloatArray = field(default_factory=lambda: empty_floats(0, 4, 4))
+    history: IntArray = field(default_factory=_ints)
+    age_scans: IntArray = field(default_factory=_ints)
+    hits: IntArray = field(default_factory=_ints)
+    misses: IntArray = field(default_factory=_ints)
+    coasted_scans: IntArray = field(default_factory=_ints)
+    first_detection_ns: IntArray = field(default_factory=_ints)
+    last_detection_ns: IntArray = field(default_factory=_ints)
+    detection_index: IntArray = field(default_factory=_ints)
+    conflict: FloatArray = field(default_factory=empty_floats)
+    masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    # Not per row:
+    frame: tuple[str, ...] = ()
+    focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
+    class_names: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.hypothesis_id)
+
+    def select(self, rows: np.ndarray) -> HypothesisTable:
+        """Return a table with the given rows or mask."""
+        return HypothesisTable(
+            **{name: getattr(self, name)[rows] for name in ROW_FIELDS},
+            **{name: getattr(self, name) for name in WHOLE_FIELDS},
+        )
+
+    def append(self, other: HypothesisTable) -> HypothesisTable:
+        """Return a table with the rows of both; frames and classes must be equal."""
+        return HypothesisTable(
+            **{
+                name: np.concatenate([getattr(self, name), getattr(other, name)])
+                for name in ROW_FIELDS
+            },
+            **{name: getattr(self, name) for name in WHOLE_FIELDS},
+        )
+
+    def use_frame(self, frame: tuple[str, ...], class_names: tuple[str, ...]) -> None:
+        """Make the beliefs speak of ``frame`` and ``class_names``.
+
+        If they spoke of others (the classes were changed while running), what was believed is void:
+        all masses go to total ignorance, all classes become equally likely.
+        """
+        if frame == self.frame and class_names == self.class_names:
+            return
+        h = len(self)
+        self.frame, self.class_names = frame, class_names
+        self.focal = np.array([(1 << ((1 << len(frame)) - 1)) - 1], dtype=np.uint32)
+        self.masses = np.ones((h, 1))
+        self.class_probability = np.full((h, len(class_names)), 1.0 / max(len(class_names), 1))
+        self.conflict = np.zeros(h)
+
+    def use_focal(self, focal: MaskArray) -> None:
+        """Widen the focal columns so that they start with ``focal``; no mass is lost."""
+        if np.array_equal(focal, self.focal):
+            return
+        carried = self.focal[(self.masses != 0.0).any(axis=0)]
+        extra = carried[~np.isin(carried, focal)]
+        columns = np.concatenate([focal, extra]).astype(np.uint32)
+        self.masses = move_columns(self.masses, self.focal, columns)
+        self.focal = columns
+
+
+def move_columns(masses: FloatArray, focal: MaskArray, columns: MaskArray) -> FloatArray:
+    """Masses (N, E) over ``focal`` as masses over ``columns``, which must hold all that carry mass."""
+    moved = np.zeros((len(masses), len(columns)))
+    order = np.argsort(columns, kind="stable")
+    place = np.searchsorted(columns, focal, sorter=order)
+    place = order[np.minimum(place, len(columns) - 1)] if len(columns) else place
+    present = columns[place] == focal if len(columns) else np.zeros(len(focal), dtype=bool)
+    moved[:, place[present]] = masses[:, present]
+    return moved
+
+
+WHOLE_FIELDS = ("frame", "focal", "class_names")
+ROW_FIELDS = tuple(f.name for f in fields(HypothesisTable) if f.name not in WHOLE_FIELDS)

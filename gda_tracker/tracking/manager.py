@@ -1,0 +1,555 @@
+"""The track manager: the one door and the only state of the ring, without ROS.
+
+One scan is open at a time::
+
+    manager.admit(detections)            # validated, queued
+    opened = manager.open()              # scan and predictions, for the other stages
+    manager.close(evidence, scores, associations)   # tracks and report
+
+Between scans the state is at rest; :mod:`gda_tracker.tracking.checkpoint` writes and reads it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gda_tracker.kinematics.gaussian_filters import predict, update
+from gda_tracker.kinematics.motion_models import constant_velocity
+from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
+from gda_tracker.tracking.door import DefaultNoise, Rejected, WaitingRoom, validate
+from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
+from gda_tracker.tracking.initiation import NewTracks, StartPoints, start_tracks
+from gda_tracker.tracking.lifecycle import confirmed, ended
+from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.vocabulary.arrays import FloatArray, IntArray
+from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
+from gda_tracker.vocabulary.hypotheses import Associations, AssociationSettings, Predictions
+from gda_tracker.vocabulary.scans import Detections, Scan, ScanKey, ScanReport
+from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE, Tracks
+
+
+class Inconsistent(ValueError):
+    """A stage's answer does not fit the open scan; the message says what is wrong."""
+
+
+@dataclass(slots=True)
+class OpenScan:
+    """The scan that goes round the ring, and the hypotheses predicted to its time."""
+
+    scan: Scan
+    predictions: Predictions
+    table: HypothesisTable
+    ended_track_id: IntArray
+    started: bool
+    admitted_at: float
+    received: int
+    rejected: Counter[str]
+
+
+@dataclass(slots=True)
+class ManagerState:
+    """What a restart needs: hypotheses, start points, ids, the last closed scan."""
+
+    table: HypothesisTable = field(default_factory=HypothesisTable)
+    points: StartPoints = field(default_factory=StartPoints)
+    next_track_id: int = 1
+    next_hypothesis_id: int = 1
+    last_ns: int | None = None
+    last_key: ScanKey | None = None
+    last_report: ScanReport | None = None
+    deleted_track_id: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    degraded: bool = False
+    initialised_from: tuple[bytes, int] | None = None
+    scans_closed: int = 0
+
+
+class TrackManager:
+    """Admits scans, predicts, applies associations, starts, confirms and ends tracks."""
+
+    def __init__(
+        self,
+        parameters: TrackManagerParameters,
+        epoch: int = 0,
+        system_uuid: bytes = bytes(16),
+    ) -> None:
+        self.parameters = parameters
+        self.epoch = epoch
+        self.system_uuid = system_uuid
+        self.state = ManagerState()
+        self.opened: OpenScan | None = None
+        self.counters: Counter[str] = Counter()
+        self._room = WaitingRoom()
+        self._generation = 0
+        self._next_parameters: TrackManagerParameters | None = None
+
+    # --- the door -----------------------------------------------------------------------------
+
+    def admit(self, detections: Detections, now: float = 0.0) -> ScanReport | None:
+        """Take a scan in. Returns ``None`` if it waits or is open already, else the answer at once.
+
+        ``now`` [s] is any steady clock; it only serves the latency of the report.
+        """
+        key = ScanKey(self.epoch, detections.sensor_id, detections.stamp_ns)
+        state = self.state
+        if state.last_key is not None and key[1:] == state.last_key[1:]:
+            self.counters["repeated"] += 1
+            assert state.last_report is not None
+            return replace(state.last_report, key=key, repeated=True, queue_length=len(self._room))
+        waits = self._room.holds(*key[1:])
+        if waits or (self.opened is not None and self.opened.scan.key[1:] == key[1:]):
+            self.counters["duplicate"] += 1
+            return None
+        p = self.parameters
+        try:
+            if len(self._room) >= p.queue_depth:
+                raise Rejected("queue_full")
+            noise = DefaultNoise(
+                p.range_std_m, p.azimuth_std_rad, p.elevation_std_rad, p.range_rate_std_mps
+            )
+            scan, counts = validate(
+                detections, noise, p.tracking_frame, p.max_detections_per_scan, self.epoch
+            )
+            generation = self._room.check_time(*key[1:], p.time_jump_s)
+        except Rejected as rejection:
+            reason = str(rejection)
+            self.counters[f"rejected_{reason}"] += 1
+            return ScanReport(
+                key,
+                "rejected",
+                reason=reason,
+                detections_received=len(detections.range_m),
+                queue_length=len(self._room),
+            )
+        for reason, count in counts.items():
+            self.counters[reason] += count
+        self._room.put(scan, generation, now, len(detections.range_m), counts)
+        return None
+
+    @property
+    def waiting(self) -> int:
+        """Number of scans that wait."""
+        return len(self._room)
+
+    @property
+    def ready(self) -> bool:
+        """Whether :meth:`open` has a scan to open."""
+        if self.opened is not None or not len(self._room):
+            return False
+        return self.parameters.initiation != "labelled" or self.state.initialised_from is not None
+
+    def set_parameters(self, parameters: TrackManagerParameters) -> None:
+        """Change parameters at the next scan boundary."""
+        self._next_parameters = parameters
+        if self.opened is None:
+            self._apply_parameters()
+
+    def _apply_parameters(self) -> None:
+        if self._next_parameters is not None:
+            self.parameters, self._next_parameters = self._next_parameters, None
+
+    def initialise(self, initial: Tracks) -> ScanReport:
+        """Start from labelled tracks: what lived ends, ids go on, beliefs are taken over.
+
+        The same initial tracks (system UUID and stamp) act once; later copies are only answered.
+        """
+        identity = (initial.system_uuid, initial.key.stamp_ns)
+        state = self.state
+        report = ScanReport(initial.key, "initialised", tracks_confirmed=len(initial))
+        if identity == state.initialised_from:
+            return replace(report, repeated=True)
+        n = len(initial)
+        if not (np.isfinite(initial.mean).all() and np.isfinite(initial.covariance).all()):
+            self.counters["rejected_initial_tracks_not_finite"] += 1
+            return replace(report, outcome="rejected", reason="initial_tracks_not_finite")
+        self.opened = None
+        self._apply_parameters()
+        ids = np.arange(n, dtype=np.int64)
+        ones, zeros = np.ones(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+        self.state = ManagerState(
+            table=HypothesisTable(
+                hypothesis_id=state.next_hypothesis_id + ids,
+                parent_id=zeros,
+                track_id=state.next_track_id + ids,
+                status=np.full(n, CONFIRMED, dtype=np.int64),
+                mean=initial.mean.copy(),
+                covariance=initial.covariance.copy(),
+                history=3 * ones,
+                age_scans=2 * ones,
+                hits=2 * ones,
+                misses=zeros.copy(),
+                coasted_scans=zeros.copy(),
+                first_detection_ns=initial.first_detection_ns.copy(),
+                last_detection_ns=initial.last_detection_ns.copy(),
+                detection_index=initial.detection_index.astype(np.int64),
+                conflict=np.zeros(n),
+                masses=initial.masses.copy(),
+                class_probability=initial.class_probability.copy(),
+                frame=initial.frame,
+                focal=initial.focal.copy(),
+                class_names=initial.class_names,
+            ),
+            next_track_id=state.next_track_id + n,
+            next_hypothesis_id=state.next_hypothesis_id + n,
+            last_ns=initial.key.stamp_ns,
+            initialised_from=identity,
+            scans_closed=state.scans_closed,
+        )
+        self._room = WaitingRoom()
+        self._generation = 0
+        self._room.newest_ns = initial.key.stamp_ns
+        self._room.opened = (initial.key.stamp_ns, initial.key.sensor_id)
+        return report
+
+    def resume(self) -> None:
+        """Take up the time axis where a restored state left it."""
+        state = self.state
+        self._room, self._generation, self.opened = WaitingRoom(), 0, None
+        if state.last_key is not None:
+            self._room.newest_ns = state.last_key.stamp_ns
+            self._room.opened = (state.last_key.stamp_ns, state.last_key.sensor_id)
+        elif state.last_ns is not None:
+            self._room.newest_ns = state.last_ns
+
+    # --- one scan ---------------------------------------------------------------------------------
+
+    def open(self) -> OpenScan:
+        """Open the earliest waiting scan: predict every hypothesis to its time."""
+        self._apply_parameters()
+        waiting = self._room.take()
+        state, p = self.state, self.parameters
+        scan = waiting.scan
+        table, ended_ids, started = state.table, np.zeros(0, dtype=np.int64), state.last_ns is None
+        dt_s = 0.0 if state.last_ns is None else (scan.key.stamp_ns - state.last_ns) / 1e9
+        if waiting.generation != self._generation or dt_s > p.max_gap_s:
+            reason = "time_jump" if waiting.generation != self._generation else "gap"
+            self.counters[f"reset_{reason}"] += 1
+            self._generation = waiting.generation
+            ended_ids, started, dt_s = table.track_id, True, 0.0
+            table = table.select(np.zeros(len(table), dtype=bool))
+        if len(table) and dt_s != 0.0:
+            transition, noise = constant_velocity(dt_s, p.process_noise_std_mps2)
+            mean, covariance = predict(table.mean, table.covariance, transition, noise)
+            table = replace(table, mean=mean, covariance=covariance)
+        self.opened = OpenScan(
+            scan,
+            self._predictions(scan.key, table),
+            table,
+            ended_ids,
+            started,
+            waiting.admitted_at,
+            waiting.received,
+            waiting.counts,
+        )
+        return self.opened
+
+    def _predictions(self, key: ScanKey, table: HypothesisTable) -> Predictions:
+        p, h = self.parameters, len(table)
+        return Predictions(
+            key=key,
+            settings=AssociationSettings(
+                decision=p.decision,
+                attribute_term=p.attribute_term,
+                missed_track_hypotheses=p.missed_track_hypotheses,
+                gate_probability=p.gate_probability,
+                clutter_density=p.clutter_density_per_m_rad,
+            ),
+            hypothesis_id=table.hypothesis_id,
+            parent_id=table.parent_id,
+            track_id=table.track_id,
+            detection_probability=np.full(h, p.detection_probability),
+            component_start=np.arange(h + 1, dtype=np.int32),
+            component_weight=np.ones(h),
+            component_model=np.zeros(h, dtype=np.int32),
+            component_mean=table.mean,
+            component_covariance=table.covariance,
+            frame=table.frame,
+            focal=table.focal,
+            masses=table.masses,
+            class_names=table.class_names,
+            class_probability=table.class_probability,
+        )
+
+    def close(
+        self, evidence: Evidence | None, scores: AttributeScores | None, associations: Associations
+    ) -> tuple[Tracks, ScanReport]:
+        """Apply the decision on the open scan.
+
+        Raises
+        ------
+        Inconsistent
+            If an answer does not fit the open scan; nothing has changed then.
+        """
+        opened = self._require_open()
+        self._check(opened, evidence, scores, associations)
+        table = replace(opened.table)
+        assigned = associations.assigned_detection.astype(np.int64)
+        hit = assigned >= 0
+        self._update_states(opened.scan, table, hit, assigned)
+        if evidence is not None:
+            table.use_frame(evidence.frame, evidence.class_names)
+        if scores is not None and not associations.degraded:
+            self._update_beliefs(table, scores, associations)
+
+        p = self.parameters
+        table.history = ((table.history << 1) & np.int64((1 << 60) - 1)) | hit
+        table.age_scans = table.age_scans + 1
+        table.hits = table.hits + hit
+        table.misses = table.misses + ~hit
+        table.coasted_scans = np.where(hit, 0, table.coasted_scans + 1)
+        stamps = np.full(len(table), opened.scan.key.stamp_ns, dtype=np.int64)
+        table.last_detection_ns = np.where(hit, stamps, table.last_detection_ns)
+        source = np.append(opened.scan.source_index, -1).astype(np.int64)
+        table.detection_index = source[assigned]
+        table.status = confirmed(
+            table.status, table.history, p.confirmation_hits, p.confirmation_scans
+        )
+        gone = ended(
+            table.status,
+            table.history,
+            table.age_scans,
+            table.coasted_scans,
+            confirmation_hits=p.confirmation_hits,
+            confirmation_scans=p.confirmation_scans,
+            deletion_misses=p.deletion_misses,
+            tentative_deletion_misses=p.tentative_deletion_misses,
+        )
+        deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
+        if gone.any():
+            table = table.select(~gone)
+        points = StartPoints() if opened.started else self.state.points
+        if p.initiation == "automatic":
+            table, points = self._initiate(opened, table, points, evidence, associations)
+        outcome = "degraded" if associations.degraded else "tracked"
+        return self._finish(opened, table, points, deleted, outcome)
+
+    def give_up(self) -> tuple[Tracks, ScanReport]:
+        """Close the open scan without an answer: tracks are predicted, no miss counts."""
+        opened = self._require_open()
+        table = replace(opened.table)
+        table.detection_index = np.full(len(table), -1, dtype=np.int64)
+        points = StartPoints() if opened.started else self.state.points
+        return self._finish(opened, table, points, opened.ended_track_id, "gave_up")
+
+    def _require_open(self) -> OpenScan:
+        if self.opened is None:
+            raise Inconsistent("no scan is open")
+        return self.opened
+
+    def _check(
+        self,
+        opened: OpenScan,
+        evidence: Evidence | None,
+        scores: AttributeScores | None,
+        associations: Associations,
+    ) -> None:
+        """Refuse answers that do not fit the open scan."""
+        h, n = len(opened.table), len(opened.scan)
+        for answer in (evidence, scores, associations):
+            if answer is not None and answer.key != opened.scan.key:
+                raise Inconsistent("key is not the open scan's")
+        assigned = associations.assigned_detection
+        if assigned.shape != (h,):
+            raise Inconsistent("associations: one assigned detection per hypothesis expected")
+        if h and not (-1 <= assigned.min() and assigned.max() < n):
+            raise Inconsistent("associations: assigned detection out of range")
+        taken = assigned[assigned >= 0]
+        if len(np.unique(taken)) != len(taken):
+            raise Inconsistent("associations: a detection is assigned twice")
+        if evidence is not None and len(evidence.masses) != n:
+            raise Inconsistent("evidence: one row per detection expected")
+        if scores is not None and not (
+            np.array_equal(scores.hypothesis, associations.hypothesis)
+            and np.array_equal(scores.detection, associations.detection)
+        ):
+            raise Inconsistent("attribute scores: pair list differs from the associations'")
+
+    def _update_states(
+        self, scan: Scan, table: HypothesisTable, hit: np.ndarray, assigned: IntArray
+    ) -> None:
+        rows = np.flatnonzero(hit)
+        if not len(rows):
+            return
+        innovation = innovations(
+            polar_measurements(scan), table.mean[rows], table.covariance[rows], assigned[rows]
+        )
+        mean, covariance = table.mean.copy(), table.covariance.copy()
+        mean[rows], covariance[rows] = update(table.mean[rows], table.covariance[rows], innovation)
+        table.mean, table.covariance = mean, covariance
+
+    def _update_beliefs(
+        self, table: HypothesisTable, scores: AttributeScores, associations: Associations
+    ) -> None:
+        """Give each hypothesis with a detection the candidate belief of its pair."""
+        pairs = np.flatnonzero(associations.chosen)
+        if not len(pairs):
+            return
+        rows = scores.hypothesis[pairs]
+        if scores.masses.shape[1]:
+            table.use_focal(scores.focal)
+            masses = table.masses.copy()
+            masses[rows] = 0.0
+            masses[rows, : len(scores.focal)] = scores.masses[pairs]
+            table.masses = masses
+        if scores.class_probability.shape[1]:
+            beliefs = table.class_probability.copy()
+            beliefs[rows] = scores.class_probability[pairs]
+            table.class_probability = beliefs
+        conflict = table.conflict.copy()
+        conflict[rows] = scores.conflict[pairs]
+        table.conflict = conflict
+
+    def _initiate(
+        self,
+        opened: OpenScan,
+        table: HypothesisTable,
+        points: StartPoints,
+        evidence: Evidence | None,
+        associations: Associations,
+    ) -> tuple[HypothesisTable, StartPoints]:
+        p, scan = self.parameters, opened.scan
+        free = np.ones(len(scan), dtype=bool)
+        free[associations.assigned_detection[associations.assigned_detection >= 0]] = False
+        if p.initiation_outside_gates:
+            known = opened.table.status[associations.hypothesis] == CONFIRMED
+            free[associations.detection[known]] = False
+        unassigned = np.flatnonzero(free)
+        if not len(unassigned) and not len(points):
+            return table, points
+        new, points = start_tracks(
+            points,
+            polar_measurements(scan),
+            unassigned,
+            scan.key.stamp_ns,
+            max_speed_mps=p.max_speed_mps,
+            memory_scans=p.initiation_memory_scans,
+        )
+        room = max(p.max_tracks - len(table), 0)
+        if len(new.detection) > room:
+            self.counters["max_tracks_reached"] += len(new.detection) - room
+        return self._append(table, scan, new, evidence, room), points
+
+    def _append(
+        self,
+        table: HypothesisTable,
+        scan: Scan,
+        new: NewTracks,
+        evidence: Evidence | None,
+        room: int,
+    ) -> HypothesisTable:
+        n = min(len(new.detection), room)
+        if not n:
+            return table
+        state, detection = self.state, new.detection[:n]
+        ids = np.arange(n, dtype=np.int64)
+        ones, zeros = np.ones(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+        if evidence is not None:
+            columns = np.union1d(table.focal, evidence.focal).astype(np.uint32)
+            if len(columns) != len(table.focal):
+                missing = columns[~np.isin(columns, table.focal)]
+                table.use_focal(np.concatenate([table.focal, missing]))
+            masses = move_columns(evidence.masses[detection], evidence.focal, table.focal)
+            classes = evidence.class_probability[detection]
+        else:
+            # No evidence for the scan: the new tracks know nothing about their class.
+            masses = self._ignorance(n, table)
+            c = len(table.class_names)
+            classes = np.full((n, c), 1.0 / max(c, 1))
+        started = HypothesisTable(
+            hypothesis_id=state.next_hypothesis_id + ids,
+            parent_id=zeros,
+            track_id=state.next_track_id + ids,
+            status=np.full(n, TENTATIVE, dtype=np.int64),
+            mean=new.mean[:n],
+            covariance=new.covariance[:n],
+            history=(ones << new.gap_scans[:n]) | 1,
+            age_scans=new.gap_scans[:n] + 1,
+            hits=2 * ones,
+            misses=new.gap_scans[:n] - 1,
+            coasted_scans=zeros,
+            first_detection_ns=new.first_stamp_ns[:n],
+            last_detection_ns=np.full(n, scan.key.stamp_ns, dtype=np.int64),
+            detection_index=scan.source_index[detection].astype(np.int64),
+            conflict=np.zeros(n),
+            masses=masses,
+            class_probability=classes,
+        )
+        p = self.parameters
+        started.status = confirmed(
+            started.status, started.history, p.confirmation_hits, p.confirmation_scans
+        )
+        state.next_hypothesis_id += n
+        state.next_track_id += n
+        return table.append(started)
+
+    @staticmethod
+    def _ignorance(n: int, table: HypothesisTable) -> FloatArray:
+        if not table.frame:
+            return np.zeros((n, 0))
+        total = np.uint32((1 << ((1 << len(table.frame)) - 1)) - 1)
+        if total not in table.focal:
+            table.use_focal(np.append(table.focal, total).astype(np.uint32))
+        return np.where(table.focal == total, 1.0, 0.0)[None, :].repeat(n, axis=0)
+
+    def _finish(
+        self,
+        opened: OpenScan,
+        table: HypothesisTable,
+        points: StartPoints,
+        deleted: IntArray,
+        outcome: str,
+    ) -> tuple[Tracks, ScanReport]:
+        state = self.state
+        state.table, state.points = table, points
+        state.last_key = opened.scan.key
+        state.last_ns = opened.scan.key.stamp_ns
+        state.deleted_track_id = deleted
+        state.degraded = outcome != "tracked"
+        state.scans_closed += 1
+        confirmed_tracks = int(np.count_nonzero(table.status == CONFIRMED))
+        state.last_report = ScanReport(
+            opened.scan.key,
+            outcome,
+            detections_received=opened.received,
+            detections_admitted=len(opened.scan),
+            rejected=dict(opened.rejected),
+            tracks_confirmed=confirmed_tracks,
+            tracks_tentative=len(table) - confirmed_tracks,
+            queue_length=len(self._room),
+        )
+        self.opened = None
+        self.counters[outcome] += 1
+        return self.tracks(), state.last_report
+
+    def tracks(self) -> Tracks:
+        """The tracks after the last closed scan."""
+        state = self.state
+        if state.last_key is None:
+            raise Inconsistent("no scan has been closed")
+        table = state.table
+        return Tracks(
+            key=ScanKey(self.epoch, *state.last_key[1:]),
+            frame_id=self.parameters.tracking_frame,
+            system_uuid=self.system_uuid,
+            track_id=table.track_id,
+            hypothesis_id=table.hypothesis_id,
+            status=table.status,
+            mean=table.mean,
+            covariance=table.covariance,
+            frame=table.frame,
+            focal=table.focal,
+            masses=table.masses,
+            class_names=table.class_names,
+            class_probability=table.class_probability,
+            conflict=table.conflict,
+            hits=table.hits,
+            misses=table.misses,
+            coasted_scans=table.coasted_scans,
+            first_detection_ns=table.first_detection_ns,
+            last_detection_ns=table.last_detection_ns,
+            detection_index=table.detection_index.astype(np.int32),
+            deleted_track_id=state.deleted_track_id,
+            degraded=state.degraded,
+        )

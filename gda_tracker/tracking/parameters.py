@@ -1,0 +1,223 @@
+"""The parameter table of the track manager."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gda_tracker.association.decisions import DECISIONS, MISSED_TRACK_HYPOTHESES
+from gda_tracker.attributes.terms import ATTRIBUTE_TERMS
+from gda_tracker.kinematics.motion_models import FILTERS
+from gda_tracker.parameters import ParameterError, parameter
+from gda_tracker.tracking.lifecycle import LONGEST_WINDOW
+
+INITIATIONS = ("automatic", "labelled")
+
+
+@dataclass(frozen=True)
+class TrackManagerParameters:
+    """What the track manager is told: sensor, motion, association, life of a track, transport."""
+
+    decision: str = parameter(
+        "gda",
+        "how detections are assigned: gda (2004 chapter: 1 - P_k P_a and Munkres) or map "
+        "(most probable joint hypothesis)",
+        choices=DECISIONS,
+    )
+    attribute_term: str = parameter(
+        "dsm_classic", "how the attribute speaks in the association", choices=ATTRIBUTE_TERMS
+    )
+    filter: str = parameter("cv", "motion model of the filter: cv constant velocity", choices=FILTERS)
+    range_std_m: float = parameter(
+        30.0,
+        "range noise of detections that bring none of their own",
+        unit="m",
+        minimum=0.0,
+        minimum_excluded=True,
+    )
+    azimuth_std_rad: float = parameter(
+        0.005,
+        "azimuth noise of detections that bring none of their own",
+        unit="rad",
+        minimum=0.0,
+        maximum=3.2,
+        minimum_excluded=True,
+    )
+    process_noise_std_mps2: float = parameter(
+        2.0,
+        "acceleration of targets, standard deviation per scan",
+        unit="m/s2",
+        minimum=0.0,
+        minimum_excluded=True,
+    )
+    max_speed_mps: float = parameter(
+        300.0,
+        "largest speed of a target; bounds the pairs that may start a track",
+        unit="m/s",
+        minimum=0.0,
+        minimum_excluded=True,
+    )
+    detection_probability: float = parameter(
+        0.9, "chance that a target is detected on a scan", minimum=0.0, maximum=1.0
+    )
+    gate_probability: float = parameter(
+        0.99,
+        "chance that a target's own detection lies in its gate",
+        minimum=0.0,
+        maximum=0.999999999,
+        minimum_excluded=True,
+    )
+    clutter_density_per_m_rad: float = parameter(
+        1e-6,
+        "detections per scan, metre of range and radian of azimuth that belong to no track",
+        unit="1/(m rad)",
+        minimum=0.0,
+    )
+    confirmation_hits: int = parameter(
+        3, "M of M-of-N: scans with a detection that confirm a track", minimum=2, maximum=LONGEST_WINDOW
+    )
+    confirmation_scans: int = parameter(
+        4, "N of M-of-N: the last scans that are looked at", minimum=2, maximum=LONGEST_WINDOW
+    )
+    deletion_misses: int = parameter(
+        4, "scans in a row without a detection that end a confirmed track; 0: never", minimum=0
+    )
+    tracking_frame: str = parameter(
+        "map", "frame in which sensor poses are given and tracks are published", live=False
+    )
+    checkpoint_path: str = parameter(
+        "",
+        "file that keeps the tracker's state after each scan, so that a restart goes on; empty: none",
+        live=False,
+    )
+    initiation: str = parameter(
+        "automatic",
+        "automatic: tracks start from detections; labelled: only from initial_tracks, for which the "
+        "first scan waits",
+        choices=INITIATIONS,
+        live=False,
+        advanced=True,
+    )
+    initiation_outside_gates: bool = parameter(
+        False,
+        "start no track from a detection inside the gate of a confirmed one (several detections per "
+        "object)",
+        advanced=True,
+    )
+    initiation_memory_scans: int = parameter(
+        2,
+        "scans for which a detection without a track waits for a second one",
+        minimum=1,
+        maximum=LONGEST_WINDOW,
+        advanced=True,
+    )
+    tentative_deletion_misses: int = parameter(
+        2, "scans in a row without a detection that end a tentative track; 0: never", minimum=0,
+        advanced=True,
+    )
+    missed_track_hypotheses: str = parameter(
+        "zero",
+        "attribute hypotheses that miss a track: zero weight when a fuller one exists, or the "
+        "products of table 14.3",
+        choices=MISSED_TRACK_HYPOTHESES,
+        advanced=True,
+    )
+    elevation_std_rad: float = parameter(
+        0.01,
+        "elevation noise of detections that bring none of their own",
+        unit="rad",
+        minimum=0.0,
+        maximum=3.2,
+        minimum_excluded=True,
+        advanced=True,
+    )
+    range_rate_std_mps: float = parameter(
+        1.0,
+        "range-rate noise of detections that bring none of their own",
+        unit="m/s",
+        minimum=0.0,
+        minimum_excluded=True,
+        advanced=True,
+    )
+    max_tracks: int = parameter(
+        2000, "no track starts while so many live", minimum=1, maximum=100_000, advanced=True
+    )
+    max_detections_per_scan: int = parameter(
+        5000, "a scan with more is rejected", minimum=1, maximum=100_000, advanced=True
+    )
+    max_gap_s: float = parameter(
+        60.0,
+        "silence after which the tracks end and new ones start",
+        unit="s",
+        minimum=0.0,
+        minimum_excluded=True,
+        advanced=True,
+    )
+    time_jump_s: float = parameter(
+        10.0,
+        "a stamp older than the newest by less is late, by more a restarted time axis (tracks are "
+        "reset, ids go on)",
+        unit="s",
+        minimum=0.0,
+        advanced=True,
+    )
+    queue_depth: int = parameter(
+        100, "scans that may wait", minimum=1, maximum=10_000, live=False, advanced=True
+    )
+    detections_depth: int = parameter(
+        100,
+        "history depth of the detections subscription, at least queue_depth",
+        minimum=1,
+        maximum=10_000,
+        live=False,
+        advanced=True,
+    )
+    detections_reliability: str = parameter(
+        "best_effort",
+        "reliability of the detections subscription; best_effort takes both kinds",
+        choices=("best_effort", "reliable"),
+        live=False,
+        advanced=True,
+    )
+    retry_period_s: float = parameter(
+        2.0,
+        "age of an open scan at which it is sent again; doubles up to 30 s",
+        unit="s",
+        minimum=0.1,
+        maximum=30.0,
+        live=False,
+        advanced=True,
+    )
+    attribute_timeout_s: float = parameter(
+        0.0,
+        "age of an open scan at which association goes on with kinematics alone; 0: never",
+        unit="s",
+        minimum=0.0,
+        advanced=True,
+    )
+    scan_timeout_s: float = parameter(
+        0.0,
+        "age of an open scan at which it is given up and tracks are only predicted; 0: never",
+        unit="s",
+        minimum=0.0,
+        advanced=True,
+    )
+    stale_after_s: float = parameter(
+        10.0,
+        "silence of the input after which diagnostics say stale",
+        unit="s",
+        minimum=0.0,
+        minimum_excluded=True,
+        advanced=True,
+    )
+
+    def __post_init__(self) -> None:
+        if self.confirmation_hits > self.confirmation_scans:
+            raise ParameterError(
+                f"parameter confirmation_hits = {self.confirmation_hits}: allowed is at most "
+                f"confirmation_scans = {self.confirmation_scans}"
+            )
+        if self.detections_depth < self.queue_depth:
+            raise ParameterError(
+                f"parameter detections_depth = {self.detections_depth}: allowed is at least "
+                f"queue_depth = {self.queue_depth}"
+            )

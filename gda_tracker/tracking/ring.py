@@ -1,0 +1,104 @@
+"""The ring offline: the four stages in a row on arrays, the same functions as in the nodes.
+
+>>> ring = Ring({"track_manager": {"decision": "map"}})                       # doctest: +SKIP
+>>> result = ring.process(detections)                                         # doctest: +SKIP
+>>> result.tracks.mean                                                        # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gda_tracker.association.associate import AssociationParameters, Associator
+from gda_tracker.attributes.fusion import AttributeFusion, AttributeFusionParameters
+from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
+from gda_tracker.kinematics.gating import GatedPairs, gate
+from gda_tracker.parameters import ParameterError, from_mapping
+from gda_tracker.tracking.manager import TrackManager
+from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
+from gda_tracker.vocabulary.hypotheses import Associations, Predictions
+from gda_tracker.vocabulary.scans import Detections, Scan, ScanReport
+from gda_tracker.vocabulary.tracks import Tracks
+
+STAGE_TABLES: dict[str, type] = {
+    "track_manager": TrackManagerParameters,
+    "rcs_fuzzifier": RcsFuzzifierParameters,
+    "attribute_fusion": AttributeFusionParameters,
+    "association": AssociationParameters,
+}
+
+Associate = Callable[[Scan, Predictions, AttributeScores | None, GatedPairs], Associations]
+
+
+@dataclass(slots=True)
+class RingResult:
+    """Everything that one scan brought about; ``None`` where the scan was rejected."""
+
+    report: ScanReport
+    tracks: Tracks | None = None
+    scan: Scan | None = None
+    predictions: Predictions | None = None
+    evidence: Evidence | None = None
+    scores: AttributeScores | None = None
+    associations: Associations | None = None
+
+
+def stage_parameters(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Build the four parameter tables from ``{node: {name: value}}``; missing ones take defaults.
+
+    Raises
+    ------
+    ParameterError
+        For an unknown node or parameter, or a value that is not allowed.
+    """
+    for node in parameters:
+        if node not in STAGE_TABLES:
+            raise ParameterError(f"node {node}: unknown; allowed are {', '.join(STAGE_TABLES)}")
+    return {
+        node: from_mapping(table, parameters.get(node, {})) for node, table in STAGE_TABLES.items()
+    }
+
+
+class Ring:
+    """The four stages joined, without ROS.
+
+    Parameters
+    ----------
+    parameters
+        ``{node: {parameter: value}}`` for track_manager, rcs_fuzzifier, attribute_fusion, association.
+    associate
+        Takes the place of the association stage, e.g. to decide by the truth.
+    """
+
+    def __init__(
+        self,
+        parameters: Mapping[str, Mapping[str, Any]] | None = None,
+        associate: Associate | None = None,
+    ) -> None:
+        tables = stage_parameters(parameters or {})
+        self.manager = TrackManager(tables["track_manager"])
+        self.fuzzifier = RcsFuzzifier(tables["rcs_fuzzifier"])
+        self.fusion = AttributeFusion(tables["attribute_fusion"])
+        self.associate: Associate = associate or Associator(tables["association"])
+
+    def initialise(self, initial: Tracks) -> ScanReport:
+        """Start from labelled tracks."""
+        return self.manager.initialise(initial)
+
+    def process(self, detections: Detections) -> RingResult:
+        """Take one scan round the ring."""
+        answer = self.manager.admit(detections)
+        if answer is not None:
+            tracks = self.manager.tracks() if answer.repeated else None
+            return RingResult(answer, tracks)
+        opened = self.manager.open()
+        scan, predictions = opened.scan, opened.predictions
+        evidence = self.fuzzifier(scan)
+        pairs = gate(scan, predictions)
+        scores = self.fusion(predictions, evidence, pairs.hypothesis, pairs.detection)
+        associations = self.associate(scan, predictions, scores, pairs)
+        tracks, report = self.manager.close(evidence, scores, associations)
+        return RingResult(report, tracks, scan, predictions, evidence, scores, associations)
