@@ -1,8 +1,9 @@
 """The ring's inner messages: evidence, predictions, attribute scores, associations.
 
-Every ``..._to_message`` makes a message of ``gda_tracker_msgs``; every ``..._from_message`` reads one
-and raises :class:`~gda_tracker.io.fields.MessageError` if the sizes of its fields contradict each
-other. Values come back bit for bit; arrays are read-only views (see :mod:`gda_tracker.io.fields`).
+Every ``..._to_message`` makes a message of ``gda_tracker_msgs``; every ``..._from_message`` reads
+one and raises :class:`~gda_tracker.io.fields.MessageError` if the sizes of its fields contradict
+each other. Values come back bit for bit; arrays are read-only views (see
+:mod:`gda_tracker.io.fields`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Every class of the vocabulary as a message and back, under one roof.
 
-One pair of functions per class: ``detections_to_message`` and ``detections_from_message``, and so on.
-They live in :mod:`~gda_tracker.io.scan_messages`, :mod:`~gda_tracker.io.belief_messages` and
-:mod:`~gda_tracker.io.track_messages`; field by field conversion is in :mod:`~gda_tracker.io.fields`.
+One pair of functions per class: ``detections_to_message`` and ``detections_from_message``, and so
+on. They live in :mod:`~gda_tracker.io.scan_messages`, :mod:`~gda_tracker.io.belief_messages` and
+:mod:`~gda_tracker.io.track_messages`; single fields are converted in :mod:`~gda_tracker.io.fields`.
 """
 
 from gda_tracker.io.belief_messages import (
