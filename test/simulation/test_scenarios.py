@@ -1,0 +1,140 @@
+"""The scenario schema: what is shipped loads, what is wrong is named in one line."""
+
+from __future__ import annotations
+
+import copy
+
+import pytest
+import yaml
+
+from gda_tracker.simulation.scenarios import (
+    load_scenario,
+    scenario_from_mapping,
+    shipped_scenarios,
+)
+from gda_tracker.simulation.schema import ScenarioError
+
+
+@pytest.fixture
+def content() -> dict:
+    return copy.deepcopy(yaml.safe_load(shipped_scenarios()["crossing_targets"].read_text()))
+
+
+def test_shipped_scenarios_load_by_name_and_path():
+    assert list(shipped_scenarios()) == ["closely_spaced_targets", "crossing_targets"]
+    for name, path in shipped_scenarios().items():
+        assert load_scenario(name) == load_scenario(path)
+        assert load_scenario(name).name == name
+
+
+def test_values_of_the_crossing_scenario():
+    scenario = load_scenario("crossing_targets")
+    assert scenario.time.scan_period_s == 5.0
+    assert (scenario.time.n_scans, scenario.time.n_initiation_scans) == (25, 2)
+    assert scenario.tracker.extraneous_return_density_per_rad_m == 1e-6
+    assert [(t.id, t.class_name) for t in scenario.targets] == [(1, "fighter"), (2, "cargo")]
+    assert scenario.targets[1].manoeuvres[0].turn == "right"
+    assert [c.rcs_mean_m2 for c in scenario.attribute.classes] == [1.2, 4.0]
+    assert scenario.attribute.membership.seed == 2004
+    assert scenario.notes["monte_carlo"]["n_runs"] == 200
+
+
+def test_notes_are_ignored(content):
+    plain = scenario_from_mapping(content)
+    content["monte_carlo"] = {"anything": ["goes", 1]}
+    content["expected_purity"] = {"cv": 0.7}
+    noted = scenario_from_mapping(content)
+    assert noted.notes["expected_purity"] == {"cv": 0.7}
+    assert (noted.time, noted.targets) == (plain.time, plain.targets)
+
+
+def _set(path: str, value: object):
+    def change(content: dict) -> None:
+        *parents, last = path.split("/")
+        for part in parents:
+            content = content[int(part) if part.isdigit() else part]
+        content[int(last) if last.isdigit() else last] = value
+
+    return change
+
+
+WRONG = [
+    (_set("sensors", {}), "unknown key 'sensors' (did you mean sensor?); allowed are name, time,"),
+    (_set("sensor/azimuth_std_rad", 1), "sensor: unknown key 'azimuth_std_rad'"),
+    (_set("targets/0/colour", "red"), "targets[0]: unknown key 'colour'"),
+    (_set("targets/0/manoeuvres/0/g", 1), "manoeuvres[0]: unknown key 'g'; allowed are start_scan"),
+    (_set("attribute/classes/1/mean", 1), "classes[1]: unknown key 'mean'"),
+    (_set("attribute/membership/bins", 1), "membership: unknown key 'bins'"),
+    (lambda c: c["time"].pop("n_scans"), "time: missing key n_scans"),
+    (lambda c: c.pop("clutter"), "missing key clutter"),
+    (_set("time/n_scans", 2.5), "n_scans = 2.5: allowed is an integer >= 1"),
+    (_set("time/n_scans", 2), "n_initiation_scans = 2: allowed is less than n_scans = 2"),
+    (_set("time/scan_period_s", 0), "scan_period_s = 0: allowed is a number > 0 [s]"),
+    (_set("sensor/detection_probability", 1.5), "1.5: allowed is a number >= 0 and <= 1"),
+    (_set("sensor/range_std_m", float("nan")), "range_std_m = nan"),
+    (_set("sensor/position_m", [0.0]), "position_m = [0.0]: allowed is a list of 2 numbers"),
+    (_set("clutter/region_x_m", [5.0, 5.0]), "region_x_m = [5, 5]: allowed is [low, high]"),
+    (_set("targets", []), "targets = []: allowed is a list of 1 or more entries"),
+    (_set("targets/1/id", 1), "id = [1, 1]: allowed are ids that differ"),
+    (_set("targets/1/class", "bomber"), "class = 'bomber': allowed are the names in"),
+    (_set("targets/0/rcs_swerling", 5), "rcs_swerling = 5: allowed is an integer >= 2 and <= 3"),
+    (_set("targets/0/manoeuvres/0/turn", "up"), "turn = 'up': allowed is one of left, right"),
+    (_set("targets/0/manoeuvres/0/end_scan", 9), "end_scan = 9: allowed is more than start_scan"),
+    (_set("targets/0/speed_mps", 0), "speed_mps = 0: allowed is more than 0"),
+    (_set("targets/0", "fast"), "targets[0]: expected keys"),
+    (_set("attribute/missed_track_hypotheses", "one"), "allowed is one of zero, table_14_3"),
+    (_set("attribute/classes", [{}]), "classes = [{}]: allowed is a list of 2 or more"),
+    (_set("name", 7), "name = 7: allowed is a text"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), WRONG, ids=[message for _, message in WRONG])
+def test_a_wrong_scenario_is_named_in_one_line(content, change, message):
+    change(content)
+    with pytest.raises(ScenarioError) as error:
+        scenario_from_mapping(content, "scenario x.yaml")
+    text = str(error.value)
+    assert message in text
+    assert text.startswith("scenario x.yaml")
+    assert "\n" not in text
+
+
+def test_overlapping_turns_are_refused(content):
+    turn = dict(content["targets"][0]["manoeuvres"][0], start_scan=13.0, end_scan=15.0)
+    content["targets"][0]["manoeuvres"].append(turn)
+    with pytest.raises(ScenarioError, match="start_scan = 13: allowed is >= 14"):
+        scenario_from_mapping(content)
+
+
+def test_a_file_that_is_not_there():
+    with pytest.raises(ScenarioError, match="shipped are closely_spaced_targets, crossing_targets"):
+        load_scenario("crossing_target")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name: [1", "not valid YAML"),
+        ("", "expected keys"),
+        ("- 1\n- 2\n", "expected keys"),
+        ("name: a\nname: b\n", "key 'name' is given twice"),
+    ],
+)
+def test_a_file_that_is_not_a_scenario(tmp_path, text, message):
+    path = tmp_path / "broken.yaml"
+    path.write_text(text)
+    with pytest.raises(ScenarioError, match=message) as error:
+        load_scenario(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_folder_is_not_a_scenario(tmp_path):
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        load_scenario(tmp_path)
+
+
+def test_an_exponent_without_a_point_is_a_number(tmp_path):
+    text = shipped_scenarios()["crossing_targets"].read_text().replace("1.0e-6", "1e-6")
+    path = tmp_path / "short.yaml"
+    path.write_text(text)
+    assert load_scenario(path) == load_scenario("crossing_targets")
