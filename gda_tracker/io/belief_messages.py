@@ -100,6 +100,7 @@ def predictions_to_message(predictions: Predictions) -> Any:
     message.missed_track_hypotheses = str(settings.missed_track_hypotheses)
     message.gate_probability = float(settings.gate_probability)
     message.clutter_density = float(settings.clutter_density)
+    message.degraded = bool(settings.degraded)
     message.hypothesis_id = int64_to_field(predictions.hypothesis_id)
     message.parent_id = int64_to_field(predictions.parent_id)
     message.track_id = int64_to_field(predictions.track_id)
@@ -138,6 +139,7 @@ def predictions_from_message(message: Any) -> Predictions:
             missed_track_hypotheses=str(message.missed_track_hypotheses),
             gate_probability=float(message.gate_probability),
             clutter_density=float(message.clutter_density),
+            degraded=bool(message.degraded),
         ),
         hypothesis_id=hypothesis_id,
         parent_id=require_size(int64_from_field(message.parent_id), hypotheses, "parent_id"),

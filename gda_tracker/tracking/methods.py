@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gda_tracker.association.decisions import DECISIONS
+from gda_tracker.association.choices import DECISIONS
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS
 from gda_tracker.kinematics.motion_models import FILTERS
 from gda_tracker.parameters import ParameterError

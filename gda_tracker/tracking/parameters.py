@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gda_tracker.association.decisions import DECISIONS, MISSED_TRACK_HYPOTHESES
+from gda_tracker.association.choices import DECISIONS, MISSED_TRACK_HYPOTHESES
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS
 from gda_tracker.kinematics.motion_models import FILTERS
 from gda_tracker.parameters import ParameterError, parameter

@@ -22,6 +22,7 @@ class AssociationSettings:
     """The settings that hold for one scan; they travel in ``Predictions``.
 
     ``clutter_density`` has the unit 1/(m rad): detections per measurement volume that belong to no track.
+    ``degraded``: the track manager has given up the attribute scores; kinematics alone decide.
     """
 
     decision: str = "gda"
@@ -29,6 +30,7 @@ class AssociationSettings:
     missed_track_hypotheses: str = "zero"
     gate_probability: float = 0.99
     clutter_density: float = 1e-6
+    degraded: bool = False
 
 
 @dataclass(slots=True)

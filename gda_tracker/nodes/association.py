@@ -1,0 +1,63 @@
+"""Node ``association``: which detection belongs to which hypothesis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gda_tracker_msgs import msg
+
+from gda_tracker.association.associate import AssociationParameters, Associator
+from gda_tracker.io.messages import (
+    associations_to_message,
+    attribute_scores_from_message,
+    predictions_from_message,
+    scan_from_message,
+)
+from gda_tracker.kinematics.gating import gate
+from gda_tracker.nodes.base import spin_node
+from gda_tracker.nodes.scan_table import Inputs
+from gda_tracker.nodes.stage import Input, StageNode
+from gda_tracker.vocabulary.hypotheses import Associations
+
+
+class AssociationNode(StageNode):
+    """``scans``, ``predictions`` and ``attribute_scores`` in, ``associations`` out."""
+
+    inputs = (
+        Input("scans", msg.Scan, scan_from_message),
+        Input("predictions", msg.Predictions, predictions_from_message),
+        Input("attribute_scores", msg.AttributeScores, attribute_scores_from_message),
+    )
+    output_topic = "associations"
+    output_message = msg.Associations
+    write = staticmethod(associations_to_message)
+
+    def __init__(self, parameters: Mapping[str, Any] | None = None, **options: Any) -> None:
+        super().__init__("association", AssociationParameters, parameters, **options)
+
+    def use_parameters(self, parameters: AssociationParameters) -> None:
+        """Take new parameters."""
+        super().use_parameters(parameters)
+        self._associator = Associator(parameters)
+
+    def complete(self, entry: Inputs) -> bool:
+        """All inputs, or no scores where the track manager has given them up."""
+        if "scans" not in entry or "predictions" not in entry:
+            return False
+        return "attribute_scores" in entry or entry["predictions"].settings.degraded
+
+    def compute(self, entry: Inputs) -> Associations:
+        """Associate the gated pairs."""
+        scan, predictions = entry["scans"], entry["predictions"]
+        scores = None if predictions.settings.degraded else entry["attribute_scores"]
+        return self._associator(scan, predictions, scores, gate(scan, predictions))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the node."""
+    return spin_node(AssociationNode, arguments)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,84 @@
+"""The common base of the three stateless stages."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gda_tracker.io.messages import MessageError
+from gda_tracker.nodes.base import STAGE_ERRORS, RingNode
+from gda_tracker.nodes.qualities import latched
+from gda_tracker.nodes.scan_table import Inputs, ScanTable
+
+
+@dataclass(frozen=True)
+class Input:
+    """One input topic of a stage: its message and how to read it."""
+
+    topic: str
+    message: type
+    read: Callable[[Any], Any]
+
+
+class StageNode(RingNode):
+    """A stateless stage: collects its inputs by scan key, computes, publishes.
+
+    Subclasses set ``inputs``, ``output_topic``, ``output_message``, ``write`` and implement
+    :meth:`compute`.
+    """
+
+    inputs: tuple[Input, ...]
+    output_topic: str
+    output_message: type
+    write: Callable[[Any], Any]
+
+    def __init__(
+        self, name: str, table: type, parameters: Mapping[str, Any] | None = None, **options: Any
+    ) -> None:
+        super().__init__(name, table, parameters, **options)
+        self._table_of_scans = ScanTable(
+            tuple(i.topic for i in self.inputs), self.counters, self.complete
+        )
+        self._publisher: Any = None
+        self._answered = 0
+        self.use_parameters(self.parameters)
+
+    def complete(self, entry: Inputs) -> bool:
+        """Whether the inputs of a scan suffice."""
+        return len(entry) == len(self.inputs)
+
+    def compute(self, entry: Inputs) -> Any:
+        """Compute the output from the inputs; a pure function of them and the parameters."""
+        raise NotImplementedError
+
+    def open_topics(self) -> None:
+        """Open the latched topics."""
+        self._publisher = self.advertise(self.output_message, self.output_topic, latched())
+        for item in self.inputs:
+            self.subscribe(
+                item.message, item.topic, lambda m, item=item: self._receive(item, m), latched()
+            )
+
+    def _receive(self, item: Input, message: Any) -> None:
+        try:
+            value = item.read(message)
+        except MessageError as error:
+            self.drop(f"malformed_{item.topic}", str(error))
+            return
+        entry = self._table_of_scans.put(item.topic, value.key, value)
+        if entry is None:
+            return
+        try:
+            output = type(self).write(self.compute(entry))
+        except STAGE_ERRORS as error:
+            self.drop("failed", f"{type(error).__name__}: {error}")
+            self.get_logger().debug(traceback.format_exc())
+            return
+        self._publisher.publish(output)
+        self._answered += 1
+
+    def figures(self) -> dict[str, Any]:
+        """Count of answers."""
+        return {"answered": self._answered}
