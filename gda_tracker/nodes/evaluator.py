@@ -1,0 +1,174 @@
+"""Node ``evaluator``: scores ``tracks`` against ``truth`` while they come.
+
+Recordings and automatic initiation are scored by continuity (completeness, switches); runs that start
+from labelled tracks by purity as well. The scores go to diagnostics and, on request, to a JSON file.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gda_tracker_msgs import msg
+
+from gda_tracker.evaluation.continuity import score_continuity
+from gda_tracker.evaluation.purity import confusion_counts, purity
+from gda_tracker.io.messages import (
+    MessageError,
+    scan_report_from_message,
+    scan_truth_from_message,
+    tracks_from_message,
+)
+from gda_tracker.nodes.base import RingNode, spin_node
+from gda_tracker.nodes.qualities import latched, stream
+from gda_tracker.parameters import parameter
+from gda_tracker.vocabulary.scans import ScanTruth
+from gda_tracker.vocabulary.tracks import Tracks
+
+MAX_SCANS = 100_000
+
+
+@dataclass(frozen=True)
+class EvaluatorParameters:
+    """How to score and where to write."""
+
+    match_distance_m: float = parameter(
+        25.0,
+        "a target counts as tracked if a confirmed track is this near",
+        unit="m",
+        minimum=0.0,
+        minimum_excluded=True,
+    )
+    truth_is_partial: bool = parameter(
+        False, "tracks elsewhere may follow real objects: count no false tracks"
+    )
+    output: str = parameter("", "JSON file for the scores at the end; empty: none", live=False)
+
+
+class EvaluatorNode(RingNode):
+    """``tracks``, ``truth``, ``initial_tracks`` and ``scan_reports`` in, scores out."""
+
+    def __init__(self, parameters: Mapping[str, Any] | None = None, **options: Any) -> None:
+        super().__init__("evaluator", EvaluatorParameters, parameters, **options)
+        self._tracks: dict[tuple[str, int], Tracks] = {}
+        self._truth: dict[tuple[str, int], ScanTruth] = {}
+        self._latency: dict[tuple[str, int], float] = {}
+        self._labelled = False
+        self._scored: tuple[int, dict[str, Any]] = (0, {})
+
+    def open_topics(self) -> None:
+        """Subscribe."""
+        self.subscribe(msg.TrackArray, "tracks", self._on_tracks, stream(1000))
+        self.subscribe(msg.ScanTruth, "truth", self._on_truth, stream(1000))
+        self.subscribe(msg.ScanReport, "scan_reports", self._on_report, stream(1000))
+        self.subscribe(msg.TrackArray, "initial_tracks", self._on_initial, latched())
+
+    def _on_initial(self, message: Any) -> None:
+        self._labelled = True
+
+    def _keep(self, store: dict[tuple[str, int], Any], key: tuple[str, int], value: Any) -> None:
+        if key in store:
+            return  # a repeated answer
+        if len(store) >= MAX_SCANS:
+            self.drop("too_many_scans", f"only {MAX_SCANS} are scored")
+            return
+        store[key] = value
+
+    def _on_tracks(self, message: Any) -> None:
+        try:
+            tracks = tracks_from_message(message)
+        except MessageError as error:
+            self.drop("malformed_tracks", str(error))
+            return
+        self._keep(self._tracks, (tracks.key.sensor_id, tracks.key.stamp_ns), tracks)
+
+    def _on_truth(self, message: Any) -> None:
+        try:
+            truth = scan_truth_from_message(message)
+        except MessageError as error:
+            self.drop("malformed_truth", str(error))
+            return
+        self._keep(self._truth, (truth.sensor_id, truth.stamp_ns), truth)
+
+    def _on_report(self, message: Any) -> None:
+        report = scan_report_from_message(message)
+        if report.outcome == "tracked" and not report.repeated:
+            self._latency[(report.key.sensor_id, report.key.stamp_ns)] = report.latency_s
+
+    def scores(self) -> dict[str, Any]:
+        """Scores over all scans for which both tracks and truth have come."""
+        keys = sorted(set(self._tracks) & set(self._truth), key=lambda key: key[1])
+        result: dict[str, Any] = {"scans": len(keys)}
+        if not keys:
+            return result
+        tracks = [self._tracks[key] for key in keys]
+        truth = [self._truth[key] for key in keys]
+        latency = [self._latency[key] for key in keys if key in self._latency]
+        p = self.parameters
+        found = score_continuity(
+            tracks,
+            truth,
+            match_distance_m=p.match_distance_m,
+            truth_is_partial=p.truth_is_partial,
+            latency_s=latency,
+        )
+        result |= {
+            "completeness": found.completeness,
+            "completeness_per_target": found.completeness_per_target.tolist(),
+            "target_id": found.target_id.tolist(),
+            "identity_switches": found.identity_switches,
+            "identity_flips": found.identity_flips,
+            "confirmed_tracks": found.confirmed_tracks,
+            "false_tracks": found.false_tracks,
+            "position_rmse_m": found.position_rmse_m,
+            "match_distance_m": p.match_distance_m,
+        }
+        if latency:
+            result |= {
+                "latency_ms_median": 1e3 * float(np.median(latency)),
+                "latency_ms_p99": 1e3 * float(np.percentile(latency, 99)),
+            }
+        if self._labelled:
+            result["purity_per_run"] = self._purity(tracks, truth)
+            result["purity_mean"] = float(np.mean(result["purity_per_run"]))
+        return result
+
+    @staticmethod
+    def _purity(tracks: list[Tracks], truth: list[ScanTruth]) -> list[float]:
+        """Mean purity of the tracks of each run; track i of a run belongs to its i-th target."""
+        found = []
+        for run in sorted({t.run for t in truth}):
+            rows = [i for i, t in enumerate(truth) if t.run == run]
+            ids = np.sort(tracks[rows[0]].track_id)
+            targets = np.sort(truth[rows[0]].target_id)
+            counts = confusion_counts(
+                [tracks[i] for i in rows], [truth[i] for i in rows], ids, targets
+            )
+            found.append(float(np.mean(purity(counts))))
+        return found
+
+    def figures(self) -> dict[str, Any]:
+        """The scores for diagnostics, computed again only when scans have come."""
+        if len(self._tracks) != self._scored[0]:
+            self._scored = (len(self._tracks), self.scores())
+        return self._scored[1]
+
+    def close(self) -> None:
+        """Write the scores."""
+        if self.parameters.output:
+            path = Path(self.parameters.output)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(self.scores(), indent=1) + "\n")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the node."""
+    return spin_node(EvaluatorNode, arguments)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

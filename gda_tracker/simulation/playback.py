@@ -1,0 +1,58 @@
+"""What a source plays: scans with truth, and the labelled tracks that they start from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.simulation.simulate import simulate
+from gda_tracker.tracking.labelled import labelled_tracks
+from gda_tracker.tracking.methods import parse_method
+from gda_tracker.vocabulary.recordings import Recording
+from gda_tracker.vocabulary.scans import Detections, ScanTruth
+from gda_tracker.vocabulary.tracks import Tracks
+
+# Runs that are played one after the other keep their stamps apart.
+RUN_SPACING_NS = 100_000 * 1_000_000_000
+
+
+@dataclass(slots=True)
+class Playback:
+    """One run: scans in order, truth per scan or ``None``, labelled tracks to start from or ``None``."""
+
+    name: str
+    detections: list[Detections]
+    truth: list[ScanTruth] | None = None
+    initial: Tracks | None = None
+
+
+def of_recording(recording: Recording) -> Playback:
+    """Play a recording as it is; the tracker starts its tracks itself."""
+    return Playback(recording.name, recording.detections, recording.truth)
+
+
+def with_method(
+    parameters: Mapping[str, Mapping[str, Any]], method: str
+) -> dict[str, dict[str, Any]]:
+    """Parameters ``{node: {name: value}}`` with the decision, term and filter of ``method``."""
+    merged = {node: dict(values) for node, values in parameters.items()}
+    merged["track_manager"] = {**merged.get("track_manager", {}), **parse_method(method)}
+    return merged
+
+
+def of_scenario(
+    scenario: Scenario, runs: int, seed: int, method: str, first_run: int = 0
+) -> list[Playback]:
+    """Simulate ``runs`` runs and start each from its labelled detections."""
+    plays = []
+    for run in range(first_run, first_run + runs):
+        recording = simulate(scenario, seed, run, base_stamp_ns=run * RUN_SPACING_NS)
+        n = scenario.time.n_initiation_scans
+        initial = labelled_tracks(recording, n, with_method(recording.preset, method))
+        assert recording.truth is not None
+        plays.append(
+            Playback(recording.name, recording.detections[n:], recording.truth[n:], initial)
+        )
+    return plays
