@@ -26,7 +26,8 @@ endif
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 say := @printf '[setup] %s\n'
-pip := $(BIN)/python -m pip --quiet --no-input
+# Twice quiet: errors only.
+pip := $(BIN)/python -m pip --quiet --quiet --no-input
 
 # ---------------------------------------------------------------- what users call
 
@@ -163,12 +164,16 @@ $(eval $(call list_rule,messages,$(message_sources)))
 
 generator := $(if $(shell command -v ninja),Ninja,Unix Makefiles)
 
-# The environment is the ament prefix. Files of the previous build are removed from it first, so
-# that a message which was renamed or removed does not stay.
+# The environment is the ament prefix. Files of the previous build are removed from it first, and
+# with another list of messages the build starts afresh: whole folders of generated files are
+# installed, and a message that was renamed or removed would stay in them.
 $(STAMPS)/messages: $(STAMPS)/wheels $(STAMPS)/messages.list $(message_sources) \
 		$(wildcard cmake/*.cmake)
 	$(say) 'building the messages (about one minute)'
 	@mkdir -p $(SCRATCH)
+	@for cause in messages.list wheels; do \
+		if [ $(STAMPS)/$$cause -nt $@ ]; then rm -rf $(SCRATCH)/messages; fi; \
+	done
 	@PATH="$(CURDIR)/$(BIN):$$PATH" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" \
 	sh -eu -c '\
 		cmake -S msg_schemas -B $(SCRATCH)/messages -G "$(generator)" \
@@ -227,5 +232,5 @@ $(OLDEST)/.stamps/venv:
 
 $(OLDEST)/.stamps/oldest: $(OLDEST)/.stamps/venv requirements/oldest.txt
 	$(say) 'installing the oldest supported numpy and scipy'
-	@$(OLDEST)/bin/python -m pip --quiet --no-input install --requirement requirements/oldest.txt
+	@$(OLDEST)/bin/python -m pip --quiet --quiet --no-input install --requirement requirements/oldest.txt
 	@touch $@
