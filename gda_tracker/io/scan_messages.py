@@ -1,8 +1,8 @@
 """Scans as messages: what a source publishes, what is admitted, what is answered, what was true.
 
 Every ``..._to_message`` makes a message of ``gda_tracker_msgs``; every ``..._from_message`` reads
-one, whether it came from rclpy or from a bag by way of the rosbags library. Values come back bit for
-bit. Arrays are read-only views of the message (see :mod:`gda_tracker.io.fields`).
+one, whether it came from rclpy or from a bag by way of the rosbags library. Values come back bit
+for bit. Arrays are read-only views of the message (see :mod:`gda_tracker.io.fields`).
 
 An optional array that is empty stands for "not measured", so on a scan without detections a
 measured quantity comes back as ``None``.

@@ -6,7 +6,15 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gda_tracker.attributes.frames import (
+    element_name,
+    parse_element,
+    parts,
+    total_ignorance,
+    upward_closure,
+)
 from gda_tracker.io.fields import (
     MessageError,
     floats_from_field,
@@ -15,10 +23,8 @@ from gda_tracker.io.fields import (
     int64_to_field,
     make_header,
     reshape,
-    signed,
     split_stamp,
     stamp_from_time,
-    unsigned,
 )
 from gda_tracker.io.scan_messages import key_from_message, key_to_message
 from gda_tracker.vocabulary.arrays import FloatArray, MaskArray
@@ -28,26 +34,60 @@ STATE_SIZE = 4  # of a message without tracks: x, y, vx, vy
 
 
 @lru_cache(maxsize=64)
-def _element_names(frame: tuple[str, ...], masks: tuple[int, ...]) -> list[str]:
-    if not masks:
-        return []
-    from gda_tracker.attributes.frames import element_name
-
-    return [element_name(frame, mask) for mask in masks]
+def _focal_names(frame: tuple[str, ...], masks: tuple[int, ...]) -> tuple[str, ...]:
+    return tuple(focal_name(frame, mask) for mask in masks)
 
 
 @lru_cache(maxsize=64)
-def _element_masks(frame: tuple[str, ...], names: tuple[str, ...]) -> MaskArray:
-    if not names:
-        return np.zeros(0, dtype=np.uint32)
-    from gda_tracker.attributes.frames import parse_element
-
-    try:
-        masks = np.array([parse_element(frame, name) for name in names], dtype=np.uint32)
-    except ValueError as error:
-        raise MessageError(f"focal_elements: {error}") from error
+def _focal_masks(frame: tuple[str, ...], names: tuple[str, ...]) -> MaskArray:
+    masks = np.array([parse_focal_name(frame, name) for name in names], dtype=np.uint32)
     masks.flags.writeable = False
     return masks
+
+
+def focal_name(frame: tuple[str, ...], mask: int) -> str:
+    """Return the name of a focal element, from which its Venn bitmask can be told.
+
+    Elements of the hyper-power set are written as unions of intersections. Where a model has
+    emptied some of the Venn parts the rest is written part by part: ``<VS>`` is VS outside the
+    others, ``<VS&S>`` is inside these two and outside the others. On Shafer's model of VS, S, B the
+    union of VS and S is ``<VS>|<S>``.
+
+    Raises
+    ------
+    MessageError
+        If the mask is empty or not of this frame.
+    """
+    if not 0 < mask <= total_ignorance(len(frame)):
+        raise MessageError(f"focal mask {mask:#x}: allowed are elements of the frame {list(frame)}")
+    if upward_closure(len(frame), mask) == mask:
+        return element_name(frame, mask)
+    return "|".join(
+        "<" + "&".join(name for bit, name in enumerate(frame) if part >> bit & 1) + ">"
+        for part in parts(mask)
+    )
+
+
+def parse_focal_name(frame: tuple[str, ...], name: str) -> int:
+    """Return the Venn bitmask of a focal element, the inverse of :func:`focal_name`.
+
+    Raises
+    ------
+    MessageError
+        If the name has no meaning in the frame.
+    """
+    try:
+        if not name.startswith("<"):
+            return parse_element(frame, name)
+        mask = 0
+        for part in name.split("|"):
+            if not (part.startswith("<") and part.endswith(">")):
+                raise ValueError(f"element {name!r}: cannot be read")
+            inside = sum(1 << frame.index(item) for item in part[1:-1].split("&"))
+            mask |= 1 << (inside - 1)
+        return mask
+    except ValueError as error:
+        raise MessageError(f"focal_elements: {error}") from error
 
 
 def tracks_to_message(tracks: Tracks) -> Any:
@@ -58,7 +98,6 @@ def tracks_to_message(tracks: Tracks) -> Any:
     MessageError
         If a stamp, an id or a count does not fit its field.
     """
-    from builtin_interfaces.msg import Time
     from gda_tracker_msgs.msg import Track, TrackArray
     from unique_identifier_msgs.msg import UUID
 
@@ -70,9 +109,7 @@ def tracks_to_message(tracks: Tracks) -> Any:
     message.system_uuid = UUID(uuid=np.frombuffer(tracks.system_uuid, dtype=np.uint8).copy())
     message.class_names = [str(name) for name in tracks.class_names]
     message.frame = [str(name) for name in tracks.frame]
-    message.focal_elements = list(
-        _element_names(tuple(tracks.frame), tuple(int(mask) for mask in tracks.focal))
-    )
+    message.focal_elements = list(_focal_names(tuple(tracks.frame), tuple(tracks.focal.tolist())))
     message.degraded = bool(tracks.degraded)
     message.deleted_track_ids = int64_to_field(tracks.deleted_track_id)
 
@@ -87,25 +124,46 @@ def tracks_to_message(tracks: Tracks) -> Any:
             ("masses", tracks.masses),
         )
     ]
-    conflict = tracks.conflict.tolist()
+    numbers = [(name, _integers(getattr(tracks, name), name, *limits)) for name, *limits in _LIMITS]
+    conflict = np.asarray(tracks.conflict, dtype=np.float64).tolist()
+    stamps = [
+        (name, [split_stamp(stamp, name) for stamp in values.tolist()])
+        for name, values in (
+            ("first_detection", tracks.first_detection_ns),
+            ("last_detection", tracks.last_detection_ns),
+        )
+    ]
     for row in range(count):
         track = Track()
-        track.track_id = signed(tracks.track_id[row], 64, "track_id")
-        track.hypothesis_id = signed(tracks.hypothesis_id[row], 64, "hypothesis_id")
-        track.status = unsigned(tracks.status[row], 8, "status")
         for name, values, width in columns:
             setattr(track, name, values[row * width : (row + 1) * width])
-        track.conflict = float(conflict[row])
-        track.hits = unsigned(tracks.hits[row], 32, "hits")
-        track.misses = unsigned(tracks.misses[row], 32, "misses")
-        track.coasted_scans = unsigned(tracks.coasted_scans[row], 32, "coasted_scans")
-        track.detection_index = signed(tracks.detection_index[row], 32, "detection_index")
-        seconds, nanoseconds = split_stamp(tracks.first_detection_ns[row], "first_detection")
-        track.first_detection = Time(sec=seconds, nanosec=nanoseconds)
-        seconds, nanoseconds = split_stamp(tracks.last_detection_ns[row], "last_detection")
-        track.last_detection = Time(sec=seconds, nanosec=nanoseconds)
+        for name, values in numbers:
+            setattr(track, name, values[row])
+        track.conflict = conflict[row]
+        for name, values in stamps:
+            time = getattr(track, name)
+            time.sec, time.nanosec = values[row]
         message.tracks.append(track)
     return message
+
+
+_LIMITS = (
+    ("track_id", -(2**63), 2**63 - 1),
+    ("hypothesis_id", -(2**63), 2**63 - 1),
+    ("status", 0, 255),
+    ("hits", 0, 2**32 - 1),
+    ("misses", 0, 2**32 - 1),
+    ("coasted_scans", 0, 2**32 - 1),
+    ("detection_index", -(2**31), 2**31 - 1),
+)
+
+
+def _integers(values: NDArray[np.integer], name: str, lowest: int, highest: int) -> list[int]:
+    numbers: list[int] = np.asarray(values).tolist()
+    for number in (min(numbers), max(numbers)) if numbers else ():
+        if not lowest <= number <= highest:
+            raise MessageError(f"{name} = {number}: allowed is {lowest} to {highest}")
+    return numbers
 
 
 def tracks_from_message(message: Any) -> Tracks:
@@ -122,7 +180,7 @@ def tracks_from_message(message: Any) -> Tracks:
     tracks = message.tracks
     count = len(tracks)
     frame = tuple(str(name) for name in message.frame)
-    focal = _element_masks(frame, tuple(str(name) for name in message.focal_elements))
+    focal = _focal_masks(frame, tuple(str(name) for name in message.focal_elements))
     class_names = tuple(str(name) for name in message.class_names)
     size = len(tracks[0].state) if count else STATE_SIZE
 

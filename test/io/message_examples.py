@@ -122,7 +122,7 @@ def predictions(count: int = 5, components: int = 2, focal: int = 19) -> Predict
     total = count * components
     return Predictions(
         key=KEY,
-        settings=AssociationSettings("map", "bayes", "table_14_3", 0.9999, 1.0 / 3.0),
+        settings=AssociationSettings("map", "bayes", "table_14_3", 0.9999, 1.0 / 3.0, True),
         hypothesis_id=np.arange(count, dtype=np.int64) + 2**62,
         parent_id=np.arange(count, dtype=np.int64),
         track_id=np.arange(count, dtype=np.int64) // 2,
