@@ -19,6 +19,7 @@ from gda_tracker.io.messages import (
     detections_to_message,
     scan_report_from_message,
     scan_truth_to_message,
+    tracks_from_message,
     tracks_to_message,
 )
 from gda_tracker.nodes.base import RingNode, spin_node
@@ -26,6 +27,7 @@ from gda_tracker.nodes.qualities import latched, stream
 from gda_tracker.parameters import ParameterError, parameter
 from gda_tracker.simulation.playback import Playback, of_recording, of_scenario
 from gda_tracker.vocabulary.scans import ScanReport
+from gda_tracker.vocabulary.tracks import Tracks
 
 TICK_S = 0.05
 
@@ -70,21 +72,35 @@ class _Sent:
 
 @dataclass(slots=True)
 class Progress:
-    """How far the playing has come; ``reports`` has every answer, in order."""
+    """How far the playing has come; ``reports`` has every answer, in order.
+
+    ``tracks`` has the tracks of every answered scan, by sensor and stamp, if the source collects them.
+    """
 
     total: int = 0
     sent: int = 0
     answered: int = 0
     reports: list[ScanReport] = field(default_factory=list)
+    tracks: dict[tuple[str, int], Tracks] = field(default_factory=dict)
 
 
 class ScanSourceNode(RingNode):
-    """``detections``, ``initial_tracks`` and ``truth`` out, ``scan_reports`` in."""
+    """``detections``, ``initial_tracks`` and ``truth`` out, ``scan_reports`` in.
+
+    Parameters
+    ----------
+    plays
+        What to play; by default what the parameters name.
+    collect
+        Listen to ``tracks`` too, and take a scan as answered only when its tracks have come: nothing
+        is missed while subscriptions are still being matched.
+    """
 
     def __init__(
         self,
         parameters: Mapping[str, Any] | None = None,
         plays: list[Playback] | None = None,
+        collect: bool = False,
         **options: Any,
     ) -> None:
         super().__init__("scan_source", ScanSourceParameters, parameters, **options)
@@ -92,9 +108,11 @@ class ScanSourceNode(RingNode):
         if plays is None:
             plays = load_playbacks(p.input, p.adapter, p.runs, p.seed, p.method)
         self._plays = deque(plays)
+        self._collect = collect
         self._play: Playback | None = None
         self._position = 0
         self._waiting: dict[tuple[str, int], _Sent] = {}
+        self._reported: dict[tuple[str, int], ScanReport] = {}
         self._initial: tuple[int, Any, float] | None = None
         self._sequence = 0
         self._play_started = 0.0
@@ -110,6 +128,8 @@ class ScanSourceNode(RingNode):
         self._truth = self.advertise(msg.ScanTruth, "truth", stream(1000))
         self._initial_tracks = self.advertise(msg.TrackArray, "initial_tracks", latched())
         self.subscribe(msg.ScanReport, "scan_reports", self._on_report, stream(1000))
+        if self._collect:
+            self.subscribe(msg.TrackArray, "tracks", self._on_tracks, stream(1000))
         self.create_timer(TICK_S, self._tick, clock=self._steady)
 
     # --- what goes out ----------------------------------------------------------------------------
@@ -203,9 +223,27 @@ class ScanSourceNode(RingNode):
                     self._stop(f"initial tracks rejected: {report.reason}", 1)
                 self._fill()
             return
-        sent = self._waiting.pop((report.key.sensor_id, report.key.stamp_ns), None)
-        if sent is None:
+        key = (report.key.sensor_id, report.key.stamp_ns)
+        if key not in self._waiting:
             return
+        self._reported.setdefault(key, report)
+        self._answer(key)
+
+    def _on_tracks(self, message: Any) -> None:
+        tracks = tracks_from_message(message)
+        key = (tracks.key.sensor_id, tracks.key.stamp_ns)
+        if key in self._waiting:
+            self.progress.tracks[key] = tracks
+            self._answer(key)
+
+    def _answer(self, key: tuple[str, int]) -> None:
+        """Take a scan as answered once all that is expected has come."""
+        report = self._reported.get(key)
+        if report is None:
+            return
+        if self._collect and report.outcome != "rejected" and key not in self.progress.tracks:
+            return
+        del self._waiting[key], self._reported[key]
         self.progress.answered += 1
         self.progress.reports.append(report)
         self._fill()

@@ -1,0 +1,213 @@
+"""``gda-tracker replay``: any recording through the tracker."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from gda_tracker.commands.options import Parameters, add_parameter_options, gather_parameters
+from gda_tracker.commands.progress import progress_bar
+from gda_tracker.evaluation.continuity import score_continuity
+from gda_tracker.parameters import ParameterError
+from gda_tracker.simulation.playback import Playback, of_recording, of_scenario
+from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
+from gda_tracker.vocabulary.scans import ScanReport
+from gda_tracker.vocabulary.tracks import Tracks
+
+STALL_TIMEOUT_S = 60.0
+
+Answers = list[tuple[ScanReport, Tracks | None]]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's options."""
+    parser.add_argument("recording", metavar="RECORDING", help="bag folder, file, or scenario name")
+    parser.add_argument(
+        "--adapter",
+        default="auto",
+        metavar="NAME",
+        help="how to read it: auto, bag, autoferry, scan_npz (default: auto)",
+    )
+    add_parameter_options(parser)
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument(
+        "--offline", action="store_true", help="call the stages in a row, without ROS; same tracks"
+    )
+    how.add_argument(
+        "--rate",
+        type=float,
+        default=0.0,
+        metavar="R",
+        help="play at R times the recorded speed; default: as fast as the ring completes scans",
+    )
+    parser.add_argument(
+        "--tracks", type=Path, metavar="OUT.csv", help="write one row per track and scan"
+    )
+    parser.add_argument("--bag", type=Path, metavar="FOLDER", help="record all topics (not offline)")
+    parser.add_argument(
+        "--domain", type=int, metavar="N", help="ROS domain to use; default: one of its own"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="seed, if RECORDING is a scenario")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay and print a summary."""
+    if args.offline and args.bag:
+        raise ParameterError("--bag: there are no topics to record with --offline")
+    if not 0.0 <= args.rate < float("inf"):
+        raise ParameterError(f"--rate {args.rate}: allowed is a number >= 0")
+    play, preset_name, parameters = _load(args)
+    print(f"{play.name}: {len(play.detections)} scans, parameters: {preset_name}")
+    if not play.detections:
+        raise ParameterError(f"{args.recording}: no scans")
+    sys.stdout.flush()
+    if args.offline:
+        answers = _offline(play, parameters)
+    else:
+        answers = _through_the_nodes(play, parameters, args)
+    if args.tracks:
+        from gda_tracker.io.track_csv import write_tracks
+
+        write_tracks(args.tracks, [tracks for _, tracks in answers])
+        print(f"tracks: {args.tracks}")
+    _summary(play, answers)
+    return 0
+
+
+def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
+    """What to play, the name of its parameters, and the parameters."""
+    name = args.recording
+    if name in shipped_scenarios() or Path(name).suffix in (".yaml", ".yml"):
+        scenario = load_scenario(name)
+        from gda_tracker.simulation.preset import tracker_preset
+
+        parameters = gather_parameters(args.params, args.method, tracker_preset(scenario))
+        method = args.method or "gda/dsm_classic/cv"
+        return of_scenario(scenario, 1, args.seed, method)[0], f"scenario {scenario.name}", parameters
+    from gda_tracker.io.adapters import load_recording
+
+    recording = load_recording(name, args.adapter)
+    for warning in recording.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    if recording.origin:
+        print(recording.origin)
+    preset_name = f"preset {recording.preset_name}" if args.params is None else str(args.params)
+    return (
+        of_recording(recording),
+        preset_name,
+        gather_parameters(args.params, args.method, recording.preset),
+    )
+
+
+def _offline(play: Playback, parameters: Parameters) -> Answers:
+    from gda_tracker.tracking.ring import Ring
+
+    ring = Ring(parameters)
+    if play.initial is not None:
+        ring.initialise(play.initial)
+    answers: Answers = []
+    with progress_bar(len(play.detections), "scans") as bar:
+        for detections in play.detections:
+            result = ring.process(detections)
+            answers.append((result.report, result.tracks))
+            bar(len(answers))
+    return answers
+
+
+def _through_the_nodes(play: Playback, parameters: Parameters, args: argparse.Namespace) -> Answers:
+    from gda_tracker.nodes.runner import Nodes, RingProcesses, private_environment, use_environment
+    from gda_tracker.nodes.scan_source import ScanSourceNode
+
+    environment = private_environment(args.domain)
+    use_environment(environment)
+
+    def make(**options: object) -> list[object]:
+        source = ScanSourceNode({"rate": args.rate}, plays=[play], collect=True, **options)
+        if not args.bag:
+            return [source]
+        from gda_tracker.nodes.recorder import RecorderNode
+
+        return [source, RecorderNode({"bag": str(args.bag)}, **options)]
+
+    with (
+        RingProcesses(parameters, environment) as ring,
+        Nodes(make) as nodes,
+        progress_bar(len(play.detections), "scans") as bar,
+    ):
+        source = nodes.nodes[0]
+        stalled = _Stall()
+
+        def watch() -> None:
+            bar(source.progress.answered)
+            failure = ring.failed() or stalled.after(source.progress.answered, args.rate)
+            if failure:
+                raise ParameterError(failure)
+
+        nodes.spin_until(lambda: source.finished, watch=watch)
+        bar(source.progress.answered)
+        if source.error:
+            raise ParameterError(source.error)
+        progress = source.progress
+    return [
+        (report, progress.tracks.get((report.key.sensor_id, report.key.stamp_ns)))
+        for report in progress.reports
+    ]
+
+
+class _Stall:
+    """Says when nothing has been answered for too long."""
+
+    def __init__(self) -> None:
+        self._answered, self._since = -1, 0.0
+
+    def after(self, answered: int, rate: float) -> str:
+        import time
+
+        now = time.monotonic()
+        if answered != self._answered:
+            self._answered, self._since = answered, now
+        if rate == 0.0 and now - self._since > STALL_TIMEOUT_S:
+            return f"no scan was answered for {STALL_TIMEOUT_S:.0f} s"
+        return ""
+
+
+def _summary(play: Playback, answers: Answers) -> None:
+    """Print what came out: scans, tracks, and scores where there is truth."""
+    outcomes = Counter(
+        f"rejected: {report.reason}" if report.outcome == "rejected" else report.outcome
+        for report, _ in answers
+    )
+    print("scans: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
+    left_out: Counter[str] = Counter()
+    for report, _ in answers:
+        left_out.update(report.rejected)
+    if left_out:
+        print("detections: " + ", ".join(f"{count} {reason}" for reason, count in left_out.items()))
+    tracked = [(report, tracks) for report, tracks in answers if tracks is not None]
+    ids = {int(i) for _, t in tracked for i in t.track_id[t.status == 1]}
+    print(f"confirmed tracks: {len(ids)}")
+    latency = [1e3 * report.latency_s for report, _ in tracked if report.latency_s > 0.0]
+    if latency:
+        print(
+            f"latency per scan: median {np.median(latency):.1f} ms, "
+            f"99 % {np.percentile(latency, 99):.1f} ms"
+        )
+    if play.truth is None:
+        return
+    truth = {(t.sensor_id, t.stamp_ns): t for t in play.truth}
+    pairs = [(t, truth[key]) for _, t in tracked if (key := (t.key.sensor_id, t.key.stamp_ns)) in truth]
+    if not pairs:
+        return
+    score = score_continuity([t for t, _ in pairs], [r for _, r in pairs], truth_is_partial=True)
+    for target, share, switches in zip(
+        score.target_id, score.completeness_per_target, score.switches, strict=True
+    ):
+        print(
+            f"target {target}: completeness {share:.3f} (within {score.match_distance_m:.0f} m), "
+            f"identity switches {switches}"
+        )
+    print(f"position error: {score.position_rmse_m:.1f} m (RMS)")
