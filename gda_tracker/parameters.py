@@ -5,7 +5,7 @@ ROS descriptors, the validation, the commented YAML files and the tables of the 
 
 >>> @dataclass(frozen=True)
 ... class Example:
-...     gate_probability: float = parameter(0.99, "chance that the own detection is gated", minimum=0.0)
+...     gate_probability: float = parameter(0.99, "chance that it is gated", minimum=0.0)
 >>> from_mapping(Example, {"gate_probability": 0.9}).gate_probability
 0.9
 """
@@ -73,7 +73,7 @@ class Specification:
         return text + (f" [{self.unit}]" if self.unit else "")
 
     def check(self, value: Any) -> Any:
-        """Return ``value`` in the declared type; raise :class:`ParameterError` if it is not allowed."""
+        """Return ``value`` in the declared type; raise :class:`ParameterError` if not allowed."""
         if self.is_list:
             if isinstance(value, str) or not hasattr(value, "__iter__"):
                 raise self._error(value)
@@ -119,8 +119,8 @@ def parameter(
 ) -> Any:
     """Declare one parameter of a table.
 
-    ``live`` parameters act at the next scan boundary; the others are fixed at start-up. ``advanced``
-    ones go to the advanced YAML file.
+    ``live`` parameters act at the next scan boundary; the others are fixed at start-up.
+    ``advanced`` ones go to the advanced YAML file.
     """
     metadata = {
         "description": description,

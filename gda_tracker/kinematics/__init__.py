@@ -1,1 +1,1 @@
-"""Kinematics: motion models, sensor models, Gaussian filters and gating, batched over hypotheses."""
+"""Kinematics: motion models, sensor models, Gaussian filters and gating, batched."""

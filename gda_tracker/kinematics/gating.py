@@ -1,7 +1,7 @@
 """Gating: which detections may belong to which hypothesis.
 
-Attribute fusion and association call the same function on the same messages, so both work on the same
-list of pairs. (Tchamova et al. 2004, (14.1))
+Attribute fusion and association call the same function on the same messages, so both work on the
+same list of pairs. (Tchamova et al. 2004, (14.1))
 """
 
 from __future__ import annotations
@@ -80,7 +80,9 @@ def _candidates(
     # A hair wider than the ellipse, so that rounding never cuts what the exact test would keep.
     slack = threshold * (1.0 + 1e-9)
     range_gap = measurements.range_m - np.sqrt(squared_distance)[:, None]
-    near = range_gap * range_gap <= slack * (range_variance[:, None] + measurements.covariance[:, 0, 0])
+    near = range_gap * range_gap <= slack * (
+        range_variance[:, None] + measurements.covariance[:, 0, 0]
+    )
     azimuth_gap = wrap_angle(measurements.azimuth_rad - np.arctan2(dy, dx)[:, None])
     near &= azimuth_gap * azimuth_gap <= slack * (
         azimuth_variance[:, None] + measurements.covariance[:, 1, 1]
@@ -108,7 +110,7 @@ def _merge_components(
     component: Int32Array,
     detection: Int32Array,
 ) -> GatedPairs:
-    """Pairs of hypotheses from pairs of components: gated if one component is, density of the mixture."""
+    """Pairs of hypotheses: gated if one component is, with the density of the mixture."""
     n = len(measurements)
     start = predictions.component_start
     owner = np.repeat(np.arange(len(predictions)), np.diff(start))

@@ -18,14 +18,14 @@ FILTERS = ("cv",)
 def constant_velocity(
     dt_s: float, process_noise_std_mps2: float, dimension: int = 2
 ) -> tuple[FloatArray, FloatArray]:
-    """Transition matrix and process noise of constant velocity with piecewise constant acceleration.
+    """Transition matrix and process noise of constant velocity.
 
     Parameters
     ----------
     dt_s
         Time step [s], >= 0.
     process_noise_std_mps2
-        Standard deviation sigma_v of the acceleration, constant within the step [m/s2].
+        Standard deviation sigma_v of the acceleration, which is constant within a step [m/s2].
     dimension
         Number of position coordinates.
 
@@ -36,7 +36,8 @@ def constant_velocity(
 
     Notes
     -----
-    Tchamova et al. 2004, section 14.2.2: Q = sigma_v^2 [[T^4/4, T^3/2], [T^3/2, T^2]] per coordinate.
+    Tchamova et al. 2004, section 14.2.2: Q = sigma_v^2 [[T^4/4, T^3/2], [T^3/2, T^2]] per
+    coordinate.
     """
     eye = np.eye(dimension)
     transition = np.kron(np.array([[1.0, dt_s], [0.0, 1.0]]), eye)

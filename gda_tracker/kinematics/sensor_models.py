@@ -1,7 +1,7 @@
 """Sensor models: from a scan to measurements in the tracking plane, and from states to innovations.
 
-A polar measurement is z = [horizontal range, azimuth in tracking axes]; elevation, yaw, tilt and height
-of the sensor are taken out once per scan, so that the filters see one simple model:
+A polar measurement is z = [horizontal range, azimuth in tracking axes]; elevation, yaw, tilt and
+height of the sensor are taken out once per scan, so that the filters see one simple model:
 h(x) = [|p - s|, atan2(p_y - s_y, p_x - s_x)], p the target's position, s the sensor's.
 """
 
@@ -44,9 +44,9 @@ class PolarMeasurements:
 def polar_measurements(scan: Scan) -> PolarMeasurements:
     """Take sensor yaw, tilt and elevation out of a scan.
 
-    A level sensor without elevation keeps range and noise as they are and only turns the azimuth. Else
-    range r, azimuth a, elevation e become the horizontal range and azimuth of the rotated direction,
-    with the noise carried along by the Jacobian.
+    A level sensor without elevation keeps range and noise as they are and only turns the azimuth.
+    Else range r, azimuth a, elevation e become the horizontal range and azimuth of the rotated
+    direction, with the noise carried along by the Jacobian.
     """
     x, y, z, w = (float(value) for value in scan.sensor_orientation_xyzw)
     noise = scan.noise_covariance[:, :2, :2]
@@ -145,10 +145,11 @@ def innovations(
     covariance: FloatArray,
     detection: Int32Array,
 ) -> Innovations:
-    """Innovations of states ``mean`` (P, s), ``covariance`` (P, s, s) against rows ``detection`` (P,).
+    """Innovations of P states, ``mean`` (P, s), against rows ``detection`` (P,) of a scan.
 
-    A detection with a time offset tau is compared with the position moved on by tau times the velocity.
-    Tchamova et al. 2004, section 14.2.1.1; h and H in range, azimuth order, azimuth from the x axis.
+    A detection with a time offset tau is compared with the position moved on by tau times the
+    velocity. Tchamova et al. 2004, section 14.2.1.1; h and H in range, azimuth order, azimuth from
+    the x axis.
     """
     pairs, size = mean.shape
     dimension = size // 2
@@ -170,5 +171,7 @@ def innovations(
     jacobian[:, 1, 1] = dx / distance**2
     if offset is not None:
         jacobian[:, :, dimension : dimension + 2] = jacobian[:, :, :2] * offset[:, None, None]
-    spread = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + measurements.covariance[detection]
+    spread = (
+        jacobian @ covariance @ jacobian.transpose(0, 2, 1) + measurements.covariance[detection]
+    )
     return Innovations(residual, jacobian, spread)

@@ -16,9 +16,10 @@ Inputs = dict[str, Any]
 class ScanTable:
     """Collects the inputs of a stage by scan key.
 
-    A stage runs when all inputs of a key are there. After that the key starts anew, so that a repeated
-    scan is answered again. What is dropped is counted: ``older_epoch`` (an earlier track manager's),
-    ``incomplete`` (a later scan was completed first), ``overflow`` (more than ``capacity`` keys).
+    A stage runs when all inputs of a key are there. After that the key starts anew, so that a
+    repeated scan is answered again. What is dropped is counted: ``older_epoch`` (an earlier track
+    manager's), ``incomplete`` (a later scan was completed first), ``overflow`` (more than
+    ``capacity`` keys).
 
     Parameters
     ----------

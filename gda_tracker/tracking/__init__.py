@@ -1,1 +1,1 @@
-"""Tracking: the door, the track manager's state, initiation, life of a track, and the ring offline."""
+"""Tracking: the door, the manager's state, initiation, life of a track, the ring offline."""

@@ -1,8 +1,8 @@
 """Checkpoint: the track manager's state in a file, so that a restart goes on bit for bit.
 
-The file is a plain ``.npz`` without pickles: the arrays of the hypothesis table and the start points as
-they are, everything else as one JSON text. It is written to a neighbour and renamed, so a reader
-sees the old state or the new one, never half of one.
+The file is a plain ``.npz`` without pickles: the arrays of the hypothesis table and the start
+points as they are, everything else as one JSON text. It is written to a neighbour and renamed, so a
+reader sees the old state or the new one, never half of one.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The door: validates, orders and de-duplicates what sensors send.
 
-Nothing that is refused here changes anything but a counter. A fault of the whole scan rejects the scan;
-a fault of one detection leaves that detection out; a fault of an attribute makes it unknown.
+Nothing that is refused here changes anything but a counter. A fault of the whole scan rejects the
+scan; a fault of one detection leaves that detection out; a fault of an attribute makes it unknown.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def validate(
     Returns
     -------
     scan, counts
-        The scan with the valid detections in the source's order, and how many detections were left out
-        or mended, by reason: ``not_finite``, ``negative_range``, ``zero_range``, ``bad_noise`` (left
-        out), ``azimuth_wrapped``, ``rcs_not_finite``, ``rcs_negative`` (mended).
+        The scan with the valid detections in the source's order, and how many detections were left
+        out or mended, by reason: ``not_finite``, ``negative_range``, ``zero_range``, ``bad_noise``
+        (left out), ``azimuth_wrapped``, ``rcs_not_finite``, ``rcs_negative`` (mended).
 
     Raises
     ------
@@ -59,7 +59,14 @@ def validate(
         raise Rejected("stamp_out_of_range")
     if n > limit:
         raise Rejected("too_many_detections")
-    for name in ("azimuth_rad", "elevation_rad", "range_rate_mps", "rcs_m2", "rcs_valid", "time_offset_s"):
+    for name in (
+        "azimuth_rad",
+        "elevation_rad",
+        "range_rate_mps",
+        "rcs_m2",
+        "rcs_valid",
+        "time_offset_s",
+    ):
         values = getattr(detections, name)
         if values is not None and np.shape(values) != (n,):
             raise Rejected("array_length_mismatch")
@@ -67,7 +74,9 @@ def validate(
     counts: Counter[str] = Counter()
 
     quantities = [detections.range_m, detections.azimuth_rad]
-    quantities += [q for q in (detections.elevation_rad, detections.range_rate_mps) if q is not None]
+    quantities += [
+        q for q in (detections.elevation_rad, detections.range_rate_mps) if q is not None
+    ]
     offsets = detections.time_offset_s
     keep = np.ones(n, dtype=bool)
     finite = np.logical_and.reduce([np.isfinite(q) for q in quantities])
@@ -199,8 +208,9 @@ class _Waiting:
 class WaitingRoom:
     """A bounded queue of admitted scans in time order.
 
-    A stamp that lies ``time_jump_s`` or more before the newest admitted one starts a new generation:
-    the time axis was reset (a bag loops), and so will be the tracks. Less than that is ``late``.
+    A stamp that lies ``time_jump_s`` or more before the newest admitted one starts a new
+    generation: the time axis was reset (a bag loops), and so will be the tracks. Less than that is
+    ``late``.
     """
 
     def __init__(self) -> None:
@@ -215,7 +225,9 @@ class WaitingRoom:
 
     def holds(self, sensor_id: str, stamp_ns: int) -> bool:
         """Whether a scan of this sensor and stamp waits already."""
-        return any(w.stamp_ns == stamp_ns and w.scan.key.sensor_id == sensor_id for w in self._queue)
+        return any(
+            w.stamp_ns == stamp_ns and w.scan.key.sensor_id == sensor_id for w in self._queue
+        )
 
     def check_time(self, sensor_id: str, stamp_ns: int, time_jump_s: float) -> int:
         """Return the generation that the scan belongs to; raise ``Rejected('late')``."""

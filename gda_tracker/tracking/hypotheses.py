@@ -17,10 +17,10 @@ def _ints() -> IntArray:
 class HypothesisTable:
     """H live hypotheses; the rows stand in the order of their ids.
 
-    ``mean`` (H, s) [m, m/s], ``covariance`` (H, s, s); ``history`` (H,) has the hits of the last scans
-    as bits, newest in bit 0; ``detection_index`` (H,) is the row of the last scan's detection in the
-    source's array, -1 for none. Beliefs: ``masses`` (H, E) over the Venn bitmasks ``focal`` of the
-    frame, ``class_probability`` (H, C), ``conflict`` (H,).
+    ``mean`` (H, s) [m, m/s], ``covariance`` (H, s, s); ``history`` (H,) has the hits of the last
+    scans as bits, newest in bit 0; ``detection_index`` (H,) is the row of the last scan's detection
+    in the source's array, -1 for none. Beliefs: ``masses`` (H, E) over the Venn bitmasks ``focal``
+    of the frame, ``class_probability`` (H, C), ``conflict`` (H,).
     """
 
     hypothesis_id: IntArray = field(default_factory=_ints)
@@ -92,7 +92,7 @@ class HypothesisTable:
 
 
 def move_columns(masses: FloatArray, focal: MaskArray, columns: MaskArray) -> FloatArray:
-    """Masses (N, E) over ``focal`` as masses over ``columns``, which must hold all that carry mass."""
+    """Masses (N, E) over ``focal`` as masses over ``columns``; these hold all that carry mass."""
     moved = np.zeros((len(masses), len(columns)))
     order = np.argsort(columns, kind="stable")
     place = np.searchsorted(columns, focal, sorter=order)

@@ -50,8 +50,8 @@ def two_point_states(
 class StartPoints:
     """Detections of the last scans that belong to no track yet.
 
-    ``position`` (S, 2) [m], ``covariance`` (S, 2, 2) [m2], ``stamp_ns`` (S,), ``age_scans`` (S,) scans
-    since the detection.
+    ``position`` (S, 2) [m], ``covariance`` (S, 2, 2) [m2], ``stamp_ns`` (S,), ``age_scans`` (S,)
+    scans since the detection.
     """
 
     position: FloatArray = field(default_factory=lambda: empty_floats(0, 2))
@@ -96,8 +96,8 @@ def start_tracks(
     """Pair unassigned detections with earlier start points.
 
     A pair is allowed if the speed that it implies, less three standard deviations of the position
-    difference, is at most ``max_speed_mps``. Among the allowed pairs the assignment with the most pairs
-    and, among those, the smallest sum of normalised distances is taken.
+    difference, is at most ``max_speed_mps``. Among the allowed pairs the assignment with the most
+    pairs and, among those, the smallest sum of normalised distances is taken.
 
     Parameters
     ----------

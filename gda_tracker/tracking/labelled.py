@@ -115,8 +115,8 @@ def _rows_of(
         own = [] if sources is None else np.flatnonzero(sources[source_index] == target)
         if len(own) != 1:
             raise ValueError(
-                f"{recording.name}: scan {step} has {len(own)} detections labelled target {target}, "
-                "labelled initiation needs one"
+                f"{recording.name}: scan {step} has {len(own)} detections labelled target "
+                f"{target}, labelled initiation needs one"
             )
         rows.append(int(own[0]))
     return np.array(rows, dtype=np.int64)

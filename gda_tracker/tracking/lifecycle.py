@@ -11,7 +11,7 @@ LONGEST_WINDOW = 60
 
 
 def hits_in_window(history: IntArray, window: int) -> IntArray:
-    """Number of hits among the last ``window`` scans; ``history`` (N,) has the newest scan in bit 0."""
+    """Hits among the last ``window`` scans; ``history`` (N,) has the newest scan in bit 0."""
     recent = history & np.int64((1 << window) - 1)
     return ((recent[:, None] >> np.arange(window, dtype=np.int64)) & 1).sum(axis=1)
 
@@ -37,9 +37,9 @@ def ended(
 ) -> BoolArray:
     """Which tracks (N,) end.
 
-    A confirmed track ends after ``deletion_misses`` scans in a row without a detection (0: never). A
-    tentative one ends after ``tentative_deletion_misses`` (0: never), or as soon as it can no longer
-    reach M hits within the N scans after its start.
+    A confirmed track ends after ``deletion_misses`` scans in a row without a detection (0: never).
+    A tentative one ends after ``tentative_deletion_misses`` (0: never), or as soon as it can no
+    longer reach M hits within the N scans after its start.
     """
     never = np.iinfo(np.int64).max
     limit = np.where(

@@ -25,5 +25,7 @@ def parse_method(method: str) -> dict[str, str]:
         )
     for part, (name, values) in zip(parts, known.items(), strict=True):
         if part not in values:
-            raise ParameterError(f"method {method!r}: {name} {part!r} unknown; allowed is {allowed}")
+            raise ParameterError(
+                f"method {method!r}: {name} {part!r} unknown; allowed is {allowed}"
+            )
     return dict(zip(known, parts, strict=True))

@@ -26,7 +26,9 @@ class TrackManagerParameters:
     attribute_term: str = parameter(
         "dsm_classic", "how the attribute speaks in the association", choices=ATTRIBUTE_TERMS
     )
-    filter: str = parameter("cv", "motion model of the filter: cv constant velocity", choices=FILTERS)
+    filter: str = parameter(
+        "cv", "motion model of the filter: cv constant velocity", choices=FILTERS
+    )
     range_std_m: float = parameter(
         30.0,
         "range noise of detections that bring none of their own",
@@ -73,7 +75,10 @@ class TrackManagerParameters:
         minimum=0.0,
     )
     confirmation_hits: int = parameter(
-        3, "M of M-of-N: scans with a detection that confirm a track", minimum=2, maximum=LONGEST_WINDOW
+        3,
+        "M of M-of-N: scans with a detection that confirm a track",
+        minimum=2,
+        maximum=LONGEST_WINDOW,
     )
     confirmation_scans: int = parameter(
         4, "N of M-of-N: the last scans that are looked at", minimum=2, maximum=LONGEST_WINDOW
@@ -86,21 +91,22 @@ class TrackManagerParameters:
     )
     checkpoint_path: str = parameter(
         "",
-        "file that keeps the tracker's state after each scan, so that a restart goes on; empty: none",
+        "file that keeps the tracker's state after each scan, so that a restart goes on; "
+        "empty: none",
         live=False,
     )
     initiation: str = parameter(
         "automatic",
-        "automatic: tracks start from detections; labelled: only from initial_tracks, for which the "
-        "first scan waits",
+        "automatic: tracks start from detections; labelled: only from initial_tracks, for which "
+        "the first scan waits",
         choices=INITIATIONS,
         live=False,
         advanced=True,
     )
     initiation_outside_gates: bool = parameter(
         False,
-        "start no track from a detection inside the gate of a confirmed one (several detections per "
-        "object)",
+        "start no track from a detection inside the gate of a confirmed one (several detections "
+        "per object)",
         advanced=True,
     )
     initiation_memory_scans: int = parameter(
@@ -111,7 +117,9 @@ class TrackManagerParameters:
         advanced=True,
     )
     tentative_deletion_misses: int = parameter(
-        2, "scans in a row without a detection that end a tentative track; 0: never", minimum=0,
+        2,
+        "scans in a row without a detection that end a tentative track; 0: never",
+        minimum=0,
         advanced=True,
     )
     missed_track_hypotheses: str = parameter(

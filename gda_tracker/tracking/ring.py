@@ -68,7 +68,8 @@ class Ring:
     Parameters
     ----------
     parameters
-        ``{node: {parameter: value}}`` for track_manager, rcs_fuzzifier, attribute_fusion, association.
+        ``{node: {parameter: value}}`` for track_manager, rcs_fuzzifier, attribute_fusion,
+        association.
     associate
         Takes the place of the association stage, e.g. to decide by the truth.
     """
