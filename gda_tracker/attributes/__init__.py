@@ -1,0 +1,1 @@
+"""Attributes: RCS models, frames of discernment, rules, decisions and attribute fusion."""
