@@ -6,7 +6,7 @@ and hash of every type, and the quality of service each topic was offered with.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,15 @@ class BagWriter:
     Messages are gathered in chunks; :meth:`flush` puts what was written so far on the disk, so that
     a bag whose writer is killed can still be read (without its index).
 
+    Parameters
+    ----------
+    path
+        Folder of the bag; must not exist.
+    topics
+        Topics that are known from the start.
+    notes
+        Texts by name that go into the metadata (``custom_data``).
+
     Raises
     ------
     BagError
@@ -46,7 +55,12 @@ class BagWriter:
         If the rosbags library is not installed.
     """
 
-    def __init__(self, path: str | Path, topics: Sequence[BagTopic] = ()) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        topics: Sequence[BagTopic] = (),
+        notes: Mapping[str, str] | None = None,
+    ) -> None:
         bag_types.require_rosbags()
         from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 
@@ -57,6 +71,8 @@ class BagWriter:
             self._writer = Writer(
                 self.path, version=METADATA_VERSION, storage_plugin=StoragePlugin.MCAP
             )
+            for name, text in (notes or {}).items():
+                self._writer.set_custom_data(name, text)
             self._writer.open()
         except WriterError as error:
             raise BagError(f"{self.path} exists already: a bag needs a new folder") from error

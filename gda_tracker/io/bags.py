@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -77,8 +77,9 @@ class BagRecord:
 class Bag:
     """A bag to read: a folder of rosbag2, or a single ``.mcap`` or ``.db3`` file.
 
-    A bag that is cut or lacks its metadata is read as far as it goes; ``damage`` then says what is
-    wrong, else it is empty.
+    ``topics`` are its topics by name, ``notes`` the texts in its metadata (``custom_data``). A bag
+    that is cut or lacks its metadata is read as far as it goes; ``damage`` then says what is wrong,
+    else it is empty.
 
     Raises
     ------
@@ -93,6 +94,7 @@ class Bag:
         self.path = Path(path)
         self.damage = ""
         self.topics: dict[str, BagTopic] = {}
+        self.notes: dict[str, str] = {}
         self._store = bag_types.type_store()
         self._salvaged: list[SalvagedRow] = []
         self._readable: list[Path] = []
@@ -156,11 +158,13 @@ class Bag:
         try:
             with self._reader(path) as reader:
                 connections = list(reader.connections)
+                notes = reader.storage.metadata.custom or {}
         except Exception as error:  # whatever the library's parsers run into
             return _one_line(error)
         for item in connections:
             self._add(item.topic, item.msgtype, item.digest, item.msgdef.data, item.msgcount, item)
         self._readable.append(path)
+        self.notes.update({str(name): str(text) for name, text in notes.items()})
         return ""
 
     def _look_at_the_files(self) -> None:
@@ -245,11 +249,17 @@ def _one_line(error: BaseException) -> str:
     return text or type(error).__name__
 
 
-def read_bag(path: str | Path, topics: Collection[str] = ()) -> Iterator[BagRecord]:
+def _warn(text: str) -> None:
+    warnings.warn(DamagedBagWarning(text), stacklevel=3)
+
+
+def read_bag(
+    path: str | Path, topics: Collection[str] = (), report: Callable[[str], None] = _warn
+) -> Iterator[BagRecord]:
     """Yield the messages of a bag, of some topics or all.
 
-    A damaged bag is read as far as it goes, and a :class:`DamagedBagWarning` at the end says how
-    many messages were read and where it ended.
+    A damaged bag is read as far as it goes. A line at the end says how many messages were read and
+    where it ended: a :class:`DamagedBagWarning`, or what else ``report`` makes of it.
 
     Raises
     ------
@@ -270,5 +280,4 @@ def read_bag(path: str | Path, topics: Collection[str] = ()) -> Iterator[BagReco
         damage = f"{damage}; {error}".lstrip("; ")
     if damage:
         end = f", the last of {last} ns" if count else ""
-        text = f"{bag.path} is damaged: {damage}. Read {count} messages{end}"
-        warnings.warn(DamagedBagWarning(text), stacklevel=2)
+        report(f"{bag.path} is damaged: {damage}. Read {count} messages{end}")

@@ -1,0 +1,112 @@
+"""Tracks as a table: one row per live track and scan."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from types import TracebackType
+from typing import TextIO
+
+import numpy as np
+
+from gda_tracker.io.fields import NANOSECONDS
+from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
+
+COLUMNS = (
+    "scan",
+    "stamp_s",
+    "track_id",
+    "status",
+    "x_m",
+    "y_m",
+    "vx_mps",
+    "vy_mps",
+    "x_std_m",
+    "y_std_m",
+    "coasted_scans",
+    "hits",
+    "misses",
+    "detection_index",
+    "class",
+    "class_probability",
+)
+
+
+def decimal_seconds(stamp_ns: int) -> str:
+    """Return a stamp [ns] in seconds, exactly, with nine decimals.
+
+    >>> decimal_seconds(1_620_205_606_919_338_123)
+    '1620205606.919338123'
+    """
+    seconds, nanoseconds = divmod(abs(int(stamp_ns)), NANOSECONDS)
+    return f"{'-' if stamp_ns < 0 else ''}{seconds}.{nanoseconds:09d}"
+
+
+class TrackCsvWriter:
+    """Writes tracks to a CSV file, to be used in a ``with`` statement.
+
+    ``scan`` counts from 0; ``status`` is ``tentative`` or ``confirmed``, also while a track coasts;
+    ``class`` is the most probable one and empty without classes. Numbers are written so that
+    reading them gives the same float64.
+
+    Parameters
+    ----------
+    path
+        File to write; replaced if it exists.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._file: TextIO = self.path.open("w", encoding="utf-8", newline="")
+        self._writer = csv.writer(self._file, lineterminator="\n")
+        self._writer.writerow(COLUMNS)
+
+    def write(self, scan: int, tracks: Tracks) -> None:
+        """Write the tracks after one scan, whose state begins with x, y, vx, vy."""
+        std = np.sqrt(np.diagonal(tracks.covariance, axis1=1, axis2=2)[:, :2]).tolist()
+        mean = tracks.mean[:, :4].tolist()
+        stamp = decimal_seconds(tracks.key.stamp_ns)
+        for row in range(len(tracks)):
+            self._writer.writerow(
+                (
+                    scan,
+                    stamp,
+                    int(tracks.track_id[row]),
+                    "confirmed" if tracks.status[row] == CONFIRMED else "tentative",
+                    *map(repr, mean[row]),
+                    *map(repr, std[row]),
+                    int(tracks.coasted_scans[row]),
+                    int(tracks.hits[row]),
+                    int(tracks.misses[row]),
+                    int(tracks.detection_index[row]),
+                    *_class(tracks, row),
+                )
+            )
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __enter__(self) -> TrackCsvWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _class(tracks: Tracks, row: int) -> tuple[str, str]:
+    if not tracks.class_names:
+        return "", ""
+    probability = tracks.class_probability[row]
+    best = int(np.argmax(probability))
+    return tracks.class_names[best], repr(float(probability[best]))
