@@ -9,10 +9,21 @@ from gda_tracker.vocabulary.arrays import FloatArray
 _LOWEST = np.finfo(np.float64).min
 
 
-def class_mixture(
+def _weights(
     class_probability: FloatArray, log_class_likelihood: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Update class probabilities by an attribute, and say how well it fitted.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Joint weights (..., C) scaled by their largest, their sum (...) and the log of the scale."""
+    joint = np.log(class_probability) + log_class_likelihood
+    # The limit keeps -inf - (-inf) out of rows in which nothing is possible.
+    scale = np.maximum(np.maximum.reduce(joint, axis=-1), _LOWEST)
+    weight = np.exp(joint - scale[..., None])
+    return weight, np.add.reduce(weight, axis=-1), scale
+
+
+def log_class_mixture(
+    class_probability: FloatArray, log_class_likelihood: FloatArray
+) -> FloatArray:
+    """Log likelihood of an attribute: log sum_c P(c | history) f(attribute | c).
 
     Parameters
     ----------
@@ -23,18 +34,27 @@ def class_mixture(
 
     Returns
     -------
-    posterior, log_likelihood
-        (..., C) P(c | history, attribute) (Mahler 2011, (94)) and (...) log of
-        sum_c P(c | history) f(attribute | c) (Mahler 2011, (88)). Where no class of the history can
-        give the attribute the log likelihood is -inf and the posterior is the history.
+    array
+        (...) the first factor of (88) in Mahler 2011; -inf where no class of the history can give
+        the attribute.
     """
     with np.errstate(divide="ignore"):
-        joint = np.log(class_probability) + log_class_likelihood
-        # The limit keeps -inf - (-inf) out of rows in which nothing is possible.
-        top = np.maximum(joint.max(axis=-1), _LOWEST)
-        weight = np.exp(joint - top[..., None])
-        total = weight.sum(axis=-1)
-        log_likelihood = top + np.log(total)
+        _, total, scale = _weights(class_probability, log_class_likelihood)
+        return np.asarray(scale + np.log(total))
+
+
+def class_update(
+    class_probability: FloatArray, log_class_likelihood: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Update class probabilities by an attribute (Mahler 2011, (94)).
+
+    Arguments are those of :func:`log_class_mixture`, whose result is the second one here. The first
+    one is P(c | history, attribute); where no class of the history can give the attribute it is the
+    history.
+    """
+    with np.errstate(divide="ignore"):
+        weight, total, scale = _weights(class_probability, log_class_likelihood)
+        log_likelihood = scale + np.log(total)
     possible = total > 0.0
     if possible.all():
         return weight / total[..., None], log_likelihood

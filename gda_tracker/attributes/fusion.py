@@ -21,15 +21,15 @@ history as it is and scores nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from gda_tracker.attributes.bayes import class_mixture, forget
+from gda_tracker.attributes.bayes import class_update, forget, log_class_mixture
 from gda_tracker.attributes.decisions import pignistic_matrix
-from gda_tracker.attributes.frames import free_model, shafer_model, total_ignorance
+from gda_tracker.attributes.frames import Model, free_model, shafer_model, total_ignorance
 from gda_tracker.attributes.rules import (
     ConjunctionTable,
     conjunction_table,
@@ -106,15 +106,11 @@ def _no_attribute(pairs: _Pairs) -> PairBeliefs:
 
 
 def _dsm_classic(pairs: _Pairs) -> PairBeliefs:
-    model = free_model(pairs.evidence.frame)
-    table = conjunction_table(model, pairs.history_focal, pairs.evidence.focal)
-    return _fuse_masses(pairs, table, conjunctive)
+    return _fuse_masses(pairs, *_tables(pairs, free_model), conjunctive)
 
 
 def _dempster(pairs: _Pairs) -> PairBeliefs:
-    model = shafer_model(pairs.evidence.frame)
-    table = conjunction_table(model, pairs.history_focal, pairs.evidence.focal)
-    return _fuse_masses(pairs, table, _dempster_or_history)
+    return _fuse_masses(pairs, *_tables(pairs, shafer_model), _dempster_or_history)
 
 
 def _dempster_or_history(
@@ -123,9 +119,35 @@ def _dempster_or_history(
     return dempster(table, history, measurement, keep_history=True)
 
 
+def _tables(
+    pairs: _Pairs, make_model: Callable[[Sequence[str]], Model]
+) -> tuple[ConjunctionTable, FloatArray]:
+    """Table of the columns on a model, and the matrix from its columns to class probabilities."""
+    evidence = pairs.evidence
+    return _cached_tables(
+        make_model, evidence.frame, pairs.history_focal.tobytes(), evidence.focal.tobytes()
+    )
+
+
+@lru_cache(maxsize=128)
+def _cached_tables(
+    make_model: Callable[[Sequence[str]], Model],
+    frame: tuple[str, ...],
+    history_focal: bytes,
+    measurement_focal: bytes,
+) -> tuple[ConjunctionTable, FloatArray]:
+    table = conjunction_table(
+        make_model(frame),
+        np.frombuffer(history_focal, dtype=np.uint32),
+        np.frombuffer(measurement_focal, dtype=np.uint32),
+    )
+    return table, pignistic_matrix(shafer_model(frame), table.focal)
+
+
 def _fuse_masses(
     pairs: _Pairs,
     table: ConjunctionTable,
+    to_classes: FloatArray,
     rule: Callable[[ConjunctionTable, FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
 ) -> PairBeliefs:
     """Fuse masses by a rule; the part that all terms with masses share."""
@@ -142,8 +164,7 @@ def _fuse_masses(
         masses = np.where(informative[:, None], masses, history)
         conflict = np.where(informative, conflict, 0.0)
     difference = masses - history
-    to_classes = pignistic_matrix(shafer_model(evidence.frame), table.focal)
-    _, log_likelihood = class_mixture(
+    log_likelihood = log_class_mixture(
         history @ to_classes, evidence.log_class_likelihood[detection]
     )
     if not known:
@@ -152,7 +173,7 @@ def _fuse_masses(
         focal=table.focal,
         masses=np.ascontiguousarray(masses),
         class_probability=masses @ to_classes,
-        distance=np.sqrt((difference * difference).sum(axis=1)),
+        distance=np.sqrt(np.add.reduce(difference * difference, axis=1)),
         log_likelihood=log_likelihood,
         conflict=np.ascontiguousarray(conflict),
         informative=informative,
@@ -164,10 +185,10 @@ def _bayes(pairs: _Pairs) -> PairBeliefs:
     untouched = history = pairs.history_class_probability
     if pairs.forgetting_factor < 1.0:
         history = forget(history, pairs.forgetting_factor)
-    posterior, log_likelihood = class_mixture(history, evidence.log_class_likelihood[detection])
+    posterior, log_likelihood = class_update(history, evidence.log_class_likelihood[detection])
     # Class probabilities are masses on the elements: agreement is the plausibility of the class.
     plausible = evidence.masses @ _compatibility(len(evidence.frame), evidence.focal.tobytes())
-    conflict = np.maximum(1.0 - (history * plausible[detection]).sum(axis=1), 0.0)
+    conflict = np.maximum(1.0 - np.add.reduce(history * plausible[detection], axis=1), 0.0)
     informative = evidence.informative[detection]
     if not informative.all():
         posterior = np.where(informative[:, None], posterior, untouched)

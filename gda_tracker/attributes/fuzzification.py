@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gda_tracker.attributes.bayes import class_mixture
+from gda_tracker.attributes.bayes import class_update
 from gda_tracker.attributes.frames import check_frame, singletons, total_ignorance
 from gda_tracker.attributes.memberships import (
     INTERPOLATIONS,
@@ -26,7 +26,7 @@ from gda_tracker.attributes.memberships import (
     HistogramMembership,
     HistogramSettings,
 )
-from gda_tracker.attributes.rcs import log_density
+from gda_tracker.attributes.rcs import gamma_shape, log_gamma_density
 from gda_tracker.parameters import ParameterError, parameter, specifications
 from gda_tracker.vocabulary.beliefs import Evidence
 from gda_tracker.vocabulary.scans import Scan
@@ -203,9 +203,9 @@ class RcsFuzzifier:
         size = len(self.frame)
         self.focal = np.array([*singletons(size), total_ignorance(size)], dtype=np.uint32)
         self.prior = np.array(parameters.prior)
-        self._mean_m2 = np.array(parameters.class_rcs_mean_m2)
-        self._swerling = np.array(parameters.class_rcs_swerling)
         means, models = parameters.class_rcs_mean_m2, parameters.class_rcs_swerling
+        self._shape = gamma_shape(models)
+        self._rate = self._shape / np.array(means)
         self.membership: HistogramMembership | DensityMembership
         if parameters.membership == "histogram":
             self.membership = HistogramMembership(means, models, parameters.histogram)
@@ -227,13 +227,13 @@ class RcsFuzzifier:
         grades = self.membership(rcs_m2)
         masses = np.zeros((len(grades), len(self.focal)))
         masses[:, :-1] = grades / grades.sum(axis=1, keepdims=True)
-        log_likelihood = log_density(rcs_m2[:, None], self._mean_m2, self._swerling)
+        log_likelihood = log_gamma_density(rcs_m2[:, None], self._shape, self._rate)
         unknown = ~informative
         if unknown.any():
             masses[unknown, :-1] = 0.0
             masses[unknown, -1] = 1.0
             log_likelihood[unknown] = 0.0
-        class_probability, _ = class_mixture(self.prior, log_likelihood)
+        class_probability, _ = class_update(self.prior, log_likelihood)
         class_probability[unknown] = self.prior
         return Evidence(
             key=scan.key,

@@ -16,8 +16,6 @@ from scipy.special import gammainc, gammaincinv, xlogy
 
 from gda_tracker.vocabulary.arrays import FloatArray
 
-SWERLING_MODELS = (1, 2, 3, 4)
-
 
 def gamma_shape(swerling: ArrayLike) -> FloatArray:
     """Shape of the gamma distribution of a Swerling model: 1 for models 1 and 2, 2 for 3 and 4.
@@ -28,7 +26,7 @@ def gamma_shape(swerling: ArrayLike) -> FloatArray:
         For a number that is not a Swerling model.
     """
     model = np.asarray(swerling)
-    if not np.isin(model, SWERLING_MODELS).all():
+    if not ((model >= 1) & (model <= 4) & (model % 1 == 0)).all():
         raise ValueError(f"swerling = {np.array(swerling).tolist()}: allowed are 1, 2, 3, 4")
     return np.where(model >= 3, 2.0, 1.0)
 
@@ -50,13 +48,17 @@ def log_density(rcs_m2: ArrayLike, mean_rcs_m2: ArrayLike, swerling: ArrayLike) 
     array
         Log density [log 1/m2].
     """
-    s = np.asarray(rcs_m2, dtype=np.float64)
+    rcs_m2 = np.asarray(rcs_m2, dtype=np.float64)
     shape = gamma_shape(swerling)
     rate = shape / np.asarray(mean_rcs_m2, dtype=np.float64)
+    value = log_gamma_density(np.maximum(rcs_m2, 0.0), shape, rate)
+    return np.where(rcs_m2 < 0.0, -np.inf, value)
+
+
+def log_gamma_density(rcs_m2: FloatArray, shape: FloatArray, rate: FloatArray) -> FloatArray:
+    """Log density [log 1/m2] at ``rcs_m2`` >= 0 for shape 1 or 2 and rate = shape/mean [1/m2]."""
     # xlogy: at s = 0 the exponential density is 1/a, the density of shape 2 is 0.
-    inside = np.maximum(s, 0.0)
-    value = shape * np.log(rate) + xlogy(shape - 1.0, inside) - rate * inside
-    return np.where(s < 0.0, -np.inf, value)
+    return np.asarray(shape * np.log(rate) + xlogy(shape - 1.0, rcs_m2) - rate * rcs_m2)
 
 
 def density(rcs_m2: ArrayLike, mean_rcs_m2: ArrayLike, swerling: ArrayLike) -> FloatArray:

@@ -194,7 +194,7 @@ def dempster(
     """
     masses, conflict = conjunctive(table, history, measurement)
     # A sum of what is left: 1 - K would lose the digits of a small rest.
-    rest = masses.sum(axis=1)
+    rest = np.add.reduce(masses, axis=1)
     total = rest < np.finfo(np.float64).tiny
     if not total.any():
         return masses / rest[:, None], conflict
