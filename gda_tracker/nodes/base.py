@@ -90,10 +90,11 @@ class RingNode(LifecycleNode):
     def _read_parameters(self, changed: Mapping[str, Any] | None = None) -> Any:
         values = {name: self.get_parameter(name).value for name in self._specifications}
         values.update(changed or {})
-        return from_mapping(
-            self._table,
-            {k: list(v) if hasattr(v, "tolist") else v for k, v in values.items()},
-        )
+        for name, value in values.items():
+            if self._specifications[name].is_list:
+                # An empty list of a parameter file arrives as None, a full one as an array.
+                values[name] = [] if value is None else value
+        return from_mapping(self._table, values)
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
         """Accept or refuse a change as a whole, with a reason."""

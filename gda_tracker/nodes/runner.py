@@ -141,7 +141,7 @@ class RingProcesses:
         atexit.unregister(self.stop)
         for process in self.processes.values():
             if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+                process.terminate()
         deadline = time.monotonic() + STOP_TIMEOUT_S
         for process in self.processes.values():
             try:
