@@ -1,0 +1,1 @@
+"""Association: exact joint probabilities, and one detection per hypothesis."""

@@ -1,0 +1,280 @@
+"""The association stage: which detection belongs to which hypothesis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gda_tracker.association.assignment import choose_by_probability, choose_most_probable
+from gda_tracker.association.choices import DECISIONS, ENGINES
+from gda_tracker.association.cluster_marginals import (
+    EngineLimits,
+    JointWeights,
+    cluster_marginals,
+)
+from gda_tracker.association.clustering import Clusters, find_clusters
+from gda_tracker.association.errors import AssociationInputError, PairListMismatch
+from gda_tracker.association.generalised import (
+    attribute_probability,
+    attribute_weights,
+    joint_weights,
+    kinematic_weights,
+)
+from gda_tracker.association.joint import MAX_ELEMENTS
+from gda_tracker.kinematics.gating import GatedPairs
+from gda_tracker.parameters import parameter
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array
+from gda_tracker.vocabulary.beliefs import AttributeScores
+from gda_tracker.vocabulary.hypotheses import Associations, Predictions
+from gda_tracker.vocabulary.scans import Scan
+
+PADDED_SIZE = 4
+"""Small clusters up to this smaller side are padded to one shape where that saves calls."""
+
+
+@dataclass(frozen=True)
+class AssociationParameters:
+    """Parameters of the association stage. What may change per scan travels in ``Predictions``."""
+
+    max_exact_size: int = parameter(
+        12,
+        "clusters whose smaller side (tracks or detections) is larger are approximated by loopy "
+        "belief propagation; each step up doubles the time of the exact answer",
+        minimum=1,
+        maximum=MAX_ELEMENTS,
+    )
+    belief_propagation_iterations: int = parameter(
+        200,
+        "rounds of messages before loopy belief propagation gives up",
+        minimum=1,
+        maximum=100_000,
+        advanced=True,
+    )
+    belief_propagation_tolerance: float = parameter(
+        1e-6,
+        "loopy belief propagation has converged when no probability moves by more in one round",
+        minimum=0.0,
+        maximum=0.1,
+        minimum_excluded=True,
+        advanced=True,
+    )
+
+
+class Associator:
+    """Association of one scan; it keeps nothing between scans."""
+
+    def __init__(self, parameters: AssociationParameters) -> None:
+        self._limits = EngineLimits(
+            parameters.max_exact_size,
+            parameters.belief_propagation_iterations,
+            parameters.belief_propagation_tolerance,
+        )
+
+    def __call__(
+        self,
+        scan: Scan,
+        predictions: Predictions,
+        scores: AttributeScores | None,
+        pairs: GatedPairs,
+    ) -> Associations:
+        """Associate the detections of a scan with the predicted hypotheses.
+
+        Decision ``gda``: smallest sum of 1 - P_k P_a. With a term that has a distance, P_k is of
+        the kinematics alone; with one that has a likelihood only, P_k is of the joint likelihood
+        and P_a = 1. Decision ``map``: the most probable joint hypothesis under the joint
+        likelihood. Without scores kinematics alone decide, the result is marked degraded and its
+        attribute term is ``none``. (Tchamova et al. 2004, 14.4)
+
+        Parameters
+        ----------
+        scan : Scan
+        predictions : Predictions
+            With the settings that hold for this scan.
+        scores : AttributeScores or None
+            For exactly the pairs of ``pairs``; ``None`` if the attribute was given up.
+        pairs : GatedPairs
+            From :func:`gda_tracker.kinematics.gating.gate`.
+
+        Raises
+        ------
+        PairListMismatch
+            If the scores are for other pairs.
+        AssociationInputError
+            For scores of another term or of a wrong size, a likelihood that is NaN or infinite, a
+            negative distance, or an unknown decision.
+        """
+        settings = predictions.settings
+        if settings.decision not in DECISIONS:
+            raise AssociationInputError(
+                f"decision = {settings.decision!r}: allowed is one of {', '.join(DECISIONS)}"
+            )
+        n_hypotheses, n_detections = len(predictions), len(scan)
+        if scores is not None:
+            _check_scores(scores, pairs, settings.attribute_term, n_detections)
+
+        clusters = find_clusters(
+            pairs.hypothesis,
+            pairs.detection,
+            n_hypotheses,
+            n_detections,
+            min(PADDED_SIZE, self._limits.max_exact_size),
+        )
+        kinematic = kinematic_weights(
+            pairs.hypothesis,
+            pairs.log_likelihood,
+            predictions.detection_probability,
+            settings.clutter_density,
+            n_detections,
+        )
+        joint = kinematic
+        if scores is not None and (
+            scores.log_likelihood.any() or scores.clutter_log_likelihood.any()
+        ):
+            joint = joint_weights(kinematic, scores.log_likelihood, scores.clutter_log_likelihood)
+        by_distance = settings.decision == "gda" and scores is not None and scores.has_distance
+        by_likelihood = (
+            settings.decision == "gda"
+            and settings.attribute_term != "none"
+            and scores is not None
+            and not scores.has_distance
+        )
+
+        weightings = [joint] if by_likelihood or joint is kinematic else [kinematic, joint]
+        if by_distance:
+            assert scores is not None
+            weightings.append(
+                attribute_weights(
+                    clusters,
+                    scores.distance,
+                    scores.informative,
+                    settings.missed_track_hypotheses,
+                    n_hypotheses,
+                    n_detections,
+                )
+            )
+        try:
+            found = cluster_marginals(clusters, weightings, self._limits)
+        except AssociationInputError:
+            _name_culprit(predictions, scores, pairs)
+            raise
+        p_kinematic = found.marginals[0]
+        joint_marginal = found.marginals[0 if weightings[0] is joint else 1]
+        if by_distance:
+            assert scores is not None
+            p_attribute = attribute_probability(clusters, found.marginals[-1], scores.informative)
+            p_generalised = p_kinematic * p_attribute
+        else:
+            p_attribute = np.ones(len(pairs))
+            p_generalised = p_kinematic
+
+        if settings.decision == "gda":
+            chosen = _decide_gda(clusters, p_generalised)
+        else:
+            chosen = _decide_map(clusters, joint)
+        assigned = np.full(n_hypotheses, -1, dtype=np.int32)
+        assigned[pairs.hypothesis[chosen]] = pairs.detection[chosen]
+        return Associations(
+            key=scan.key,
+            decision=settings.decision,
+            attribute_term="none" if scores is None else settings.attribute_term,
+            degraded=scores is None,
+            hypothesis=pairs.hypothesis,
+            detection=pairs.detection,
+            mahalanobis_squared=pairs.mahalanobis_squared,
+            kinematic_log_likelihood=pairs.log_likelihood,
+            attribute_log_likelihood=(
+                np.zeros(len(pairs)) if scores is None else scores.log_likelihood
+            ),
+            p_kinematic=p_kinematic,
+            p_attribute=p_attribute,
+            p_generalised=p_generalised,
+            joint_marginal=joint_marginal,
+            chosen=chosen,
+            cluster=clusters.pair_cluster,
+            assigned_detection=assigned,
+            cluster_engine=found.engine,
+            cluster_converged=found.converged,
+            engine_names=ENGINES,
+        )
+
+
+def _decide_gda(clusters: Clusters, p_generalised: FloatArray) -> BoolArray:
+    """Pairs (P,) chosen by the assignment matrix of 1 - P_gen."""
+    chosen = np.zeros(len(p_generalised), dtype=np.bool_)
+    for group in clusters.groups:
+        outside = -1.0 - group.shape[2]
+        picked = choose_by_probability(group.dense(p_generalised, outside), group.sizes)
+        chosen[group.pairs] = picked[group.place]
+    return chosen
+
+
+def _decide_map(clusters: Clusters, joint: JointWeights) -> BoolArray:
+    """Pairs (P,) of the most probable joint hypothesis."""
+    chosen = np.zeros(len(joint.log_pair), dtype=np.bool_)
+    for group in clusters.groups:
+        picked = choose_most_probable(
+            group.dense(joint.log_pair, -np.inf),
+            joint.log_idle[group.steps[:, :-1]],
+            joint.log_idle[group.elements],
+            group.sizes,
+        )
+        chosen[group.pairs] = picked[group.place]
+    return chosen
+
+
+def _check_scores(
+    scores: AttributeScores, pairs: GatedPairs, attribute_term: str, n_detections: int
+) -> None:
+    if not (
+        _same(scores.hypothesis, pairs.hypothesis) and _same(scores.detection, pairs.detection)
+    ):
+        raise PairListMismatch(
+            f"attribute scores list {len(scores.hypothesis)} pairs, the gate {len(pairs)}, and "
+            "they are not the same: both stages must gate the same scan and predictions"
+        )
+    if scores.attribute_term != attribute_term:
+        raise AssociationInputError(
+            f"attribute scores of term {scores.attribute_term!r}: the settings of the scan ask for "
+            f"{attribute_term!r}"
+        )
+    n = len(pairs)
+    sizes = [("log_likelihood", n), ("clutter_log_likelihood", n_detections)]
+    if scores.has_distance:
+        sizes += [("distance", n), ("informative", n)]
+    for name, size in sizes:
+        shape = getattr(scores, name).shape
+        if shape != (size,):
+            raise AssociationInputError(
+                f"attribute scores: {name} has shape {shape}, allowed is ({size},)"
+            )
+
+
+def _same(one: Int32Array, other: Int32Array) -> bool:
+    """Whether two lists of indices are equal; comparing bytes is many times faster where it can."""
+    if one.dtype == other.dtype:
+        return one.tobytes() == other.tobytes()
+    return bool(np.array_equal(one, other))
+
+
+def _name_culprit(
+    predictions: Predictions, scores: AttributeScores | None, pairs: GatedPairs
+) -> None:
+    """Raise an error that names the input which makes a log weight NaN or +inf."""
+    inputs = [
+        ("kinematic log likelihood", pairs.log_likelihood, -np.inf, "finite values and -inf"),
+        ("detection probability", predictions.detection_probability, 0.0, "values from 0 to 1"),
+    ]
+    if scores is not None:
+        text = "finite values and -inf"
+        inputs += [
+            ("attribute log likelihood", scores.log_likelihood, -np.inf, text),
+            ("clutter log likelihood", scores.clutter_log_likelihood, -np.inf, text),
+            ("attribute distance", scores.distance, 0.0, "finite values >= 0"),
+        ]
+    for name, values, lowest, allowed in inputs:
+        wrong = ~((values >= lowest) & (values < np.inf))  # True for NaN
+        if name == "detection probability":
+            wrong |= values > 1.0
+        if wrong.any():
+            raise AssociationInputError(f"{name} {values[wrong][0]}: allowed are {allowed}")
