@@ -40,12 +40,10 @@ def constant_velocity(
     coordinate.
     """
     eye = np.eye(dimension)
-    transition = np.kron(np.array([[1.0, dt_s], [0.0, 1.0]]), eye)
-    noise = np.kron(
-        process_noise_std_mps2**2
-        * np.array([[dt_s**4 / 4.0, dt_s**3 / 2.0], [dt_s**3 / 2.0, dt_s**2]]),
-        eye,
-    )
+    step = np.array([[1.0, dt_s], [0.0, 1.0]])
+    effect = np.array([process_noise_std_mps2 * dt_s**2 / 2.0, process_noise_std_mps2 * dt_s])
+    transition: FloatArray = np.kron(step, eye)
+    noise: FloatArray = np.kron(effect[:, None] * effect, eye)
     transition.flags.writeable = False
     noise.flags.writeable = False
     return transition, noise
