@@ -16,7 +16,6 @@ from gda_tracker.kinematics.sensor_models import (
     PolarMeasurements,
     innovations,
     polar_measurements,
-    wrap_angle,
 )
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.hypotheses import Predictions
@@ -66,27 +65,31 @@ def gate(scan: Scan, predictions: Predictions) -> GatedPairs:
 def _candidates(
     measurements: PolarMeasurements, mean: FloatArray, covariance: FloatArray, threshold: float
 ) -> tuple[Int32Array, Int32Array]:
-    """Pairs that pass a box around the gate; with time offsets every pair."""
-    states, n = len(mean), len(measurements)
-    if measurements.time_offset_s is not None or states == 0 or n == 0:
-        first, second = np.divmod(np.arange(states * n), max(n, 1))
-        return first.astype(np.int32), second.astype(np.int32)
+    """Pairs that lie within reach in range, which every gated pair does: v_r^2 <= gamma S_rr.
+
+    In place of the variance along the line of sight stands the trace of the position's covariance,
+    which is never less. This is the only work on all states times all detections.
+    """
     dx = mean[:, 0] - measurements.sensor_xy_m[0]
     dy = mean[:, 1] - measurements.sensor_xy_m[1]
-    squared_distance = np.maximum(dx * dx + dy * dy, 1e-18)
-    p_xx, p_xy, p_yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
-    range_variance = (dx * dx * p_xx + 2 * dx * dy * p_xy + dy * dy * p_yy) / squared_distance
-    azimuth_variance = (dy * dy * p_xx - 2 * dx * dy * p_xy + dx * dx * p_yy) / squared_distance**2
+    variance = covariance[:, 0, 0] + covariance[:, 1, 1]
+    if measurements.time_offset_s is None:
+        distance, variance = np.hypot(dx, dy)[:, None], variance[:, None]
+    else:
+        x, y = mean.shape[1] // 2, mean.shape[1] // 2 + 1  # components of the velocity
+        tau = measurements.time_offset_s
+        distance = np.hypot(
+            dx[:, None] + tau * mean[:, x, None], dy[:, None] + tau * mean[:, y, None]
+        )
+        cross = covariance[:, 0, x] + covariance[:, 1, y]
+        velocity_variance = covariance[:, x, x] + covariance[:, y, y]
+        variance = variance[:, None] + tau * (
+            2.0 * cross[:, None] + tau * velocity_variance[:, None]
+        )
+    gap = measurements.range_m - distance
     # A hair wider than the ellipse, so that rounding never cuts what the exact test would keep.
     slack = threshold * (1.0 + 1e-9)
-    range_gap = measurements.range_m - np.sqrt(squared_distance)[:, None]
-    near = range_gap * range_gap <= slack * (
-        range_variance[:, None] + measurements.covariance[:, 0, 0]
-    )
-    azimuth_gap = wrap_angle(measurements.azimuth_rad - np.arctan2(dy, dx)[:, None])
-    near &= azimuth_gap * azimuth_gap <= slack * (
-        azimuth_variance[:, None] + measurements.covariance[:, 1, 1]
-    )
+    near = gap * gap <= slack * (variance + measurements.covariance[:, 0, 0])
     component, detection = np.nonzero(near)
     return component.astype(np.int32), detection.astype(np.int32)
 

@@ -28,7 +28,7 @@ def update(
     inverse = np.empty_like(innovation.covariance)
     inverse[:, 0, 0], inverse[:, 1, 1] = s_aa / determinant, s_rr / determinant
     inverse[:, 0, 1] = inverse[:, 1, 0] = -s_ra / determinant
-    gain = covariance @ innovation.jacobian.transpose(0, 2, 1) @ inverse
+    gain = covariance @ innovation.jacobian(mean.shape[1]).transpose(0, 2, 1) @ inverse
     new_mean = mean + (gain @ innovation.residual[:, :, None])[:, :, 0]
     reduced = covariance - gain @ innovation.covariance @ gain.transpose(0, 2, 1)
     return new_mean, 0.5 * (reduced + reduced.transpose(0, 2, 1))

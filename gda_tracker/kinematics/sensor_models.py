@@ -16,10 +16,12 @@ from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.scans import Scan
 
 TWO_PI = 2.0 * math.pi
+# Below this horizontal range the azimuth has no meaning.
+SMALLEST_RANGE_M = 1e-9
 
 
 def wrap_angle(angle: FloatArray) -> FloatArray:
-    """Wrap angles [rad] into [-pi, pi)."""
+    """Wrap angles [rad] into [-pi, pi]; an odd multiple of pi becomes -pi but for rounding."""
     return (angle + math.pi) % TWO_PI - math.pi
 
 
@@ -73,22 +75,25 @@ def polar_measurements(scan: Scan) -> PolarMeasurements:
     )
     turned = rotation @ local
     vector = turned[:, :, 0] * r[:, None]
-    horizontal = np.maximum(np.hypot(vector[:, 0], vector[:, 1]), 1e-9)
+    horizontal = np.hypot(vector[:, 0], vector[:, 1])
+    above = horizontal < SMALLEST_RANGE_M
+    horizontal = np.maximum(horizontal, SMALLEST_RANGE_M)
+    azimuth = np.arctan2(vector[:, 1], vector[:, 0])
+    # By the angle, not by vector / horizontal, which straight above the sensor is no direction.
     to_polar = np.zeros((n, 2, 3))
-    to_polar[:, 0, :2] = vector[:, :2] / horizontal[:, None]
-    to_polar[:, 1, 0] = -vector[:, 1] / horizontal**2
-    to_polar[:, 1, 1] = vector[:, 0] / horizontal**2
+    to_polar[:, 0, 0], to_polar[:, 0, 1] = np.cos(azimuth), np.sin(azimuth)
+    to_polar[:, 1, 0] = -to_polar[:, 0, 1] / horizontal
+    to_polar[:, 1, 1] = to_polar[:, 0, 0] / horizontal
     measured = 2 if scan.elevation_rad is None else 3
     jacobian = (to_polar @ turned)[:, :, :measured]
     covariance = (
         jacobian @ scan.noise_covariance[:, :measured, :measured] @ jacobian.transpose(0, 2, 1)
     )
+    if above.any():
+        covariance[above, 0, 1] = covariance[above, 1, 0] = 0.0
+        covariance[above, 1, 1] = math.pi**2
     return PolarMeasurements(
-        horizontal,
-        np.arctan2(vector[:, 1], vector[:, 0]),
-        covariance,
-        scan.sensor_position_m[:2],
-        scan.time_offset_s,
+        horizontal, azimuth, covariance, scan.sensor_position_m[:2], scan.time_offset_s
     )
 
 
@@ -121,13 +126,24 @@ def cartesian_positions(measurements: PolarMeasurements) -> tuple[FloatArray, Fl
 class Innovations:
     """Innovations of P pairs (state, measurement).
 
-    ``residual`` (P, 2) [m, rad] with the azimuth wrapped, ``jacobian`` (P, 2, s), ``covariance``
+    ``residual`` (P, 2) [m, rad] with the azimuth wrapped, ``position_jacobian`` (P, 2, 2) the
+    derivative of h by the position [1, rad/m], ``time_offset_s`` (P,) or ``None``, ``covariance``
     (P, 2, 2) S = H P H' + R.
     """
 
     residual: FloatArray
-    jacobian: FloatArray
+    position_jacobian: FloatArray
+    time_offset_s: FloatArray | None
     covariance: FloatArray
+
+    def jacobian(self, size: int) -> FloatArray:
+        """Return H (P, 2, ``size``), the derivative of h by a state of ``size`` components."""
+        full = np.zeros((len(self.residual), 2, size))
+        full[:, :, :2] = self.position_jacobian
+        if self.time_offset_s is not None:
+            velocity = slice(size // 2, size // 2 + 2)
+            full[:, :, velocity] = self.time_offset_s[:, None, None] * self.position_jacobian
+        return full
 
     def mahalanobis_squared(self) -> tuple[FloatArray, FloatArray]:
         """Return d2 (P,) = v' S^-1 v and det S (P,)."""
@@ -151,27 +167,29 @@ def innovations(
     velocity. Tchamova et al. 2004, section 14.2.1.1; h and H in range, azimuth order, azimuth from
     the x axis.
     """
-    pairs, size = mean.shape
-    dimension = size // 2
-    dx = mean[:, 0] - measurements.sensor_xy_m[0]
-    dy = mean[:, 1] - measurements.sensor_xy_m[1]
+    position, spread = mean[:, :2], covariance[:, :2, :2]
     offset = None
     if measurements.time_offset_s is not None:
         offset = measurements.time_offset_s[detection]
-        dx = dx + offset * mean[:, dimension]
-        dy = dy + offset * mean[:, dimension + 1]
-    distance = np.maximum(np.hypot(dx, dy), 1e-9)
-    residual = np.empty((pairs, 2))
+        velocity = slice(mean.shape[1] // 2, mean.shape[1] // 2 + 2)
+        cross = covariance[:, :2, velocity]
+        tau = offset[:, None, None]
+        position = position + offset[:, None] * mean[:, velocity]
+        spread = spread + tau * (
+            cross + cross.transpose(0, 2, 1) + tau * covariance[:, velocity, velocity]
+        )
+    dx = position[:, 0] - measurements.sensor_xy_m[0]
+    dy = position[:, 1] - measurements.sensor_xy_m[1]
+    distance = np.maximum(np.hypot(dx, dy), SMALLEST_RANGE_M)
+    residual = np.empty((len(mean), 2))
     residual[:, 0] = measurements.range_m[detection] - distance
     residual[:, 1] = wrap_angle(measurements.azimuth_rad[detection] - np.arctan2(dy, dx))
-    jacobian = np.zeros((pairs, 2, size))
+    jacobian = np.empty((len(mean), 2, 2))
     jacobian[:, 0, 0] = dx / distance
     jacobian[:, 0, 1] = dy / distance
-    jacobian[:, 1, 0] = -dy / distance**2
-    jacobian[:, 1, 1] = dx / distance**2
-    if offset is not None:
-        jacobian[:, :, dimension : dimension + 2] = jacobian[:, :, :2] * offset[:, None, None]
-    spread = (
-        jacobian @ covariance @ jacobian.transpose(0, 2, 1) + measurements.covariance[detection]
+    jacobian[:, 1, 0] = -jacobian[:, 0, 1] / distance
+    jacobian[:, 1, 1] = jacobian[:, 0, 0] / distance
+    innovation_covariance = (
+        jacobian @ spread @ jacobian.transpose(0, 2, 1) + measurements.covariance[detection]
     )
-    return Innovations(residual, jacobian, spread)
+    return Innovations(residual, jacobian, offset, innovation_covariance)
