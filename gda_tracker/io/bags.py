@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -215,6 +216,7 @@ class Bag:
             self._store.register({key: types[key] for key in types if key not in known})
 
 
+@lru_cache(maxsize=64)
 def _hash_of(kind: str, definition: str) -> str:
     from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 

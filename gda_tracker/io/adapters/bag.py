@@ -161,18 +161,18 @@ def write_recording(path: str | Path, recording: Recording, preset: str | None =
     """
     from gda_tracker.io.messages import detections_to_message, scan_truth_to_message
 
-    topics = [BagTopic("detections", DETECTIONS_TYPE, depth=100)]
+    topics = [BagTopic("/detections", DETECTIONS_TYPE, depth=100)]
     if recording.truth is not None:
-        topics.append(BagTopic("truth", TRUTH_TYPE, depth=100))
+        topics.append(BagTopic("/truth", TRUTH_TYPE, depth=100))
     notes = {"name": recording.name, "origin": recording.origin}
     if preset is not None:
         notes["preset"] = preset
     with BagWriter(path, topics, notes) as bag:
         for index, scan in enumerate(recording.detections):
-            bag.write("detections", detections_to_message(scan), scan.stamp_ns)
+            bag.write("/detections", detections_to_message(scan), scan.stamp_ns)
             if recording.truth is not None:
                 truth = recording.truth[index]
-                bag.write("truth", scan_truth_to_message(truth), scan.stamp_ns)
+                bag.write("/truth", scan_truth_to_message(truth), scan.stamp_ns)
 
 
 ADAPTER = Adapter(

@@ -106,9 +106,10 @@ def load(path: Path) -> Recording:
 
 def _read(path: Path) -> dict[str, NDArray[Any]]:
     try:
-        with np.load(path, allow_pickle=False) as data:
-            if not isinstance(data, np.lib.npyio.NpzFile):
-                raise RecordingError(f"{path}: one array, not an archive of named arrays")
+        data = np.load(path, allow_pickle=False)
+        if isinstance(data, np.ndarray):
+            raise RecordingError(f"{path}: one array, not an archive of named arrays")
+        with data:
             return {name: data[name] for name in data.files}
     except RecordingError:
         raise
@@ -132,7 +133,7 @@ def _scans(arrays: dict[str, NDArray[Any]], path: Path) -> tuple[IntArray, list[
     """Return the first row of each scan, and the end, and the stamps."""
     start = _array(arrays, "scan_ptr", "(K + 1,)", path)
     times = _array(arrays, "times", "(K,)", path)
-    rows = len(arrays.get("range", ()))
+    rows = _array(arrays, "range", "(D,)", path).size
     if (
         start.ndim != 1
         or start.dtype.kind == "f"
