@@ -19,6 +19,9 @@ from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.scans import ScanTruth
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
+# Matched scans in a row under another track, from which on a flip counts as a switch.
+SETTLE_SCANS = 3
+
 
 @dataclass(frozen=True)
 class Continuity:
@@ -67,7 +70,7 @@ def score_continuity(
     truth: Sequence[ScanTruth],
     *,
     match_distance_m: float = 25.0,
-    settle_scans: int = 3,
+    settle_scans: int = SETTLE_SCANS,
     truth_is_partial: bool = False,
     latency_s: Sequence[float] = (),
 ) -> Continuity:

@@ -34,7 +34,7 @@ class Timing:
 
     scan_period_s: float = key("time between scans", unit="s", minimum=0.0, minimum_excluded=True)
     n_scans: int = key("number of scans", minimum=1, maximum=1_000_000)
-    n_initiation_scans: int = key("scans used for labelled initiation, always detected", minimum=1)
+    n_initiation_scans: int = key("scans used for labelled initiation, always detected", minimum=2)
 
     def __post_init__(self) -> None:
         """Refuse more initiation scans than scans."""
@@ -63,7 +63,7 @@ class Clutter:
     region_y_m: tuple[float, float] = key("south and north border", unit="m")
     mean_false_alarms_per_scan: float = key("Poisson mean", minimum=0.0, maximum=1e6)
     rcs_mean_m2: float = key("mean RCS", unit="m2", minimum=0.0, minimum_excluded=True)
-    rcs_swerling: int = key("Swerling model of the RCS", minimum=2, maximum=3)
+    rcs_swerling: int = key("Swerling model of the RCS", minimum=1, maximum=4)
 
     def __post_init__(self) -> None:
         """Refuse an empty rectangle."""
@@ -100,7 +100,7 @@ class Target:
     id: int = key("identity in the truth", minimum=0, maximum=2**31 - 1)
     class_name: str = key("true class")
     rcs_mean_m2: float = key("mean RCS", unit="m2", minimum=0.0, minimum_excluded=True)
-    rcs_swerling: int = key("Swerling model of the RCS", minimum=2, maximum=3)
+    rcs_swerling: int = key("Swerling model of the RCS", minimum=1, maximum=4)
     initial_position_m: tuple[float, float] = key("[x East, y North] at scan 1", unit="m")
     speed_mps: float = key("constant speed", unit="m/s", minimum=0.0)
     initial_heading_deg_ccw_from_north: float = key("heading at scan 1", unit="deg")
@@ -138,7 +138,7 @@ class KnownClass:
 
     name: str = key("name of the class")
     rcs_mean_m2: float = key("mean RCS", unit="m2", minimum=0.0, minimum_excluded=True)
-    rcs_swerling: int = key("Swerling model of the RCS", minimum=2, maximum=3)
+    rcs_swerling: int = key("Swerling model of the RCS", minimum=1, maximum=4)
 
 
 @dataclass(frozen=True)

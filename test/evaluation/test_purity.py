@@ -90,7 +90,5 @@ def test_an_index_beyond_the_truth_is_refused():
 
 
 def test_a_source_that_is_no_target_is_refused():
-    with pytest.raises(
-        ValueError, match=r"source_id 30 .*allowed are \[10, 20\] and -1"
-    ):
+    with pytest.raises(ValueError, match=r"source_id 30 .*allowed are \[10, 20\] and -1"):
         count(scan({1: 0, 2: 1}, [10, 30]))

@@ -77,7 +77,7 @@ WRONG = [
     (_set("targets", []), "targets = []: allowed is a list of 1 or more entries"),
     (_set("targets/1/id", 1), "id = [1, 1]: allowed are ids that differ"),
     (_set("targets/1/class", "bomber"), "class = 'bomber': allowed are the names in"),
-    (_set("targets/0/rcs_swerling", 5), "rcs_swerling = 5: allowed is an integer >= 2 and <= 3"),
+    (_set("targets/0/rcs_swerling", 5), "rcs_swerling = 5: allowed is an integer >= 1 and <= 4"),
     (_set("targets/0/manoeuvres/0/turn", "up"), "turn = 'up': allowed is one of left, right"),
     (_set("targets/0/manoeuvres/0/end_scan", 9), "end_scan = 9: allowed is more than start_scan"),
     (_set("targets/0/speed_mps", 0), "speed_mps = 0: allowed is more than 0"),

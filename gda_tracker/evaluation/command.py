@@ -1,0 +1,193 @@
+"""The command ``gda-tracker evaluate``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from gda_tracker.evaluation.monte_carlo import DEFAULT_METHODS, Progress, monte_carlo
+from gda_tracker.evaluation.results import ScenarioResult
+from gda_tracker.evaluation.runs import INITIATIONS, LABELLED
+from gda_tracker.evaluation.table import format_result
+from gda_tracker.parameters import ParameterError
+from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
+
+HELP = "how well do methods associate? Monte Carlo on simulated scenarios"
+
+DESCRIPTION = """\
+Simulates a scenario many times, tracks every run with every method on the same
+scans, and prints how often each track got the detection of its own target.
+
+A method is decision/attribute/filter:
+  decision   gda  the 2004 chapter: 1 - P_k P_a and Munkres
+             map  the most probable joint hypothesis
+  attribute  none         kinematics alone
+             dsm_classic  classic DSm rule on the radar cross section (RCS)
+             dempster     Dempster's rule on the RCS
+             bayes        class likelihoods of the RCS
+  filter     cv   constant velocity
+or clairvoyant: the own detection whenever it is there and in the gate, the bound
+for all of them.
+
+Reading the table
+  purity      share of scans on which a track got its own target's detection,
+              mean over tracks and runs, +- its standard error. One run's purity
+              scatters by about 0.27: compare methods by the paired difference,
+              not by two purities from different calls.
+  missed, FA  share of scans on which a track got no detection, or a false alarm
+  CPU         processor time of the whole ring per scan, one core
+"""
+
+EXAMPLES = """\
+examples:
+  gda-tracker evaluate crossing_targets --runs 50
+  gda-tracker evaluate crossing_targets closely_spaced_targets --runs 200 --seed 1 \\
+      --method gda/none/cv --method map/bayes/cv --method clairvoyant --json out.json
+  gda-tracker evaluate my_scenario.yaml --initiation automatic
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add description, arguments and examples of ``evaluate`` to its parser."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.description = DESCRIPTION
+    parser.epilog = f"shipped scenarios: {', '.join(shipped_scenarios())}\n\n{EXAMPLES}"
+    parser.add_argument(
+        "scenarios",
+        nargs="+",
+        metavar="SCENARIO",
+        help="name of a shipped scenario, or a YAML file",
+    )
+    parser.add_argument("--runs", type=int, default=100, metavar="N", help="runs (default 100)")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="S",
+        help="the results depend on this alone, not on the number of workers (default 0)",
+    )
+    parser.add_argument(
+        "--method",
+        action="append",
+        dest="methods",
+        metavar="M",
+        help="may be repeated; differences are to the first (default: "
+        + ", ".join(DEFAULT_METHODS)
+        + ")",
+    )
+    parser.add_argument(
+        "--initiation",
+        choices=INITIATIONS,
+        default=LABELLED,
+        help="labelled: tracks start from the labelled detections of the first scans, as in the "
+        "chapter (default). automatic: the whole tracker, which reports completeness, identity "
+        "switches and false tracks",
+    )
+    parser.add_argument(
+        "--match-distance",
+        type=float,
+        metavar="M",
+        help="automatic: how far a track may be from its target, in m (default: three standard "
+        "deviations of a measured position)",
+    )
+    parser.add_argument(
+        "--confusion", action="store_true", help="print whose detections each track got"
+    )
+    parser.add_argument(
+        "--json",
+        metavar="FILE",
+        help="write the results to FILE; one scenario gives an object, several a list",
+    )
+    parser.add_argument(
+        "--workers", type=int, metavar="N", help="processes (default: one per core)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run ``evaluate``; return the exit code: 0, 2 for a wrong argument, 130 after Ctrl-C."""
+    try:
+        scenarios = [load_scenario(name) for name in args.scenarios]
+        _check_writable(args.json)
+        with progress_on_stderr() as progress:
+            results = monte_carlo(
+                scenarios,
+                args.methods or DEFAULT_METHODS,
+                args.runs,
+                args.seed,
+                initiation=args.initiation,
+                match_distance_m=args.match_distance,
+                workers=args.workers,
+                progress=progress,
+            )
+        for result in results:
+            print(format_result(result, args.confusion))
+        if args.json:
+            write_json(Path(args.json), results)
+    except (ParameterError, OSError) as error:
+        print(f"gda-tracker evaluate: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("gda-tracker evaluate: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def write_json(path: Path, results: list[ScenarioResult]) -> None:
+    """Write one result as an object, several as a list."""
+    content: Any = [result.to_dict() for result in results]
+    if len(content) == 1:
+        content = content[0]
+    path.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+@contextmanager
+def progress_on_stderr() -> Iterator[Progress]:
+    """Show progress on stderr: a bar on a terminal with tqdm installed, else lines."""
+    if sys.stderr.isatty():
+        try:
+            from tqdm import tqdm
+        except ImportError:
+            pass
+        else:
+            with tqdm(unit="run", file=sys.stderr, leave=False) as bar:
+
+                def advance(done: int, total: int) -> None:
+                    bar.total = total
+                    bar.update(done - bar.n)
+
+                yield advance
+            return
+    yield _Lines()
+
+
+class _Lines:
+    """A line at the first progress, every few seconds, and when done."""
+
+    PERIOD_S = 5.0
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+
+    def __call__(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        if done == total or now - self._last >= self.PERIOD_S:
+            print(f"{done}/{total} runs", file=sys.stderr, flush=True)
+            self._last = now
+
+
+def _check_writable(path: str | None) -> None:
+    """Find out before the runs, not after them, that the file cannot be written."""
+    if path is None:
+        return
+    folder = Path(path).resolve().parent
+    if not folder.is_dir():
+        raise ParameterError(f"--json {path}: the folder {folder} does not exist")
+    if Path(path).is_dir():
+        raise ParameterError(f"--json {path}: is a folder, allowed is a file")

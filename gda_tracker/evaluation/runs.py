@@ -1,0 +1,176 @@
+"""Monte Carlo runs: simulate once, track with every method, score each of them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Sequence
+from copy import copy
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gda_tracker.evaluation.clairvoyant import CLAIRVOYANT, Clairvoyant
+from gda_tracker.evaluation.continuity import Continuity, score_continuity
+from gda_tracker.evaluation.purity import confusion_counts
+from gda_tracker.parameters import ParameterError
+from gda_tracker.simulation.preset import tracker_preset
+from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.simulation.simulate import simulate
+from gda_tracker.simulation.targets import true_states
+from gda_tracker.tracking.labelled import labelled_tracks
+from gda_tracker.tracking.manager import TrackManager
+from gda_tracker.tracking.methods import parse_method
+from gda_tracker.tracking.ring import Ring, stage_parameters
+from gda_tracker.vocabulary.arrays import IntArray
+from gda_tracker.vocabulary.recordings import Recording
+from gda_tracker.vocabulary.tracks import Tracks
+
+LABELLED = "labelled"
+AUTOMATIC = "automatic"
+INITIATIONS = (LABELLED, AUTOMATIC)
+
+
+@dataclass(frozen=True)
+class RunScore:
+    """What one method reached in one run.
+
+    With labelled initiation ``counts`` is the (T, T + 2) table of
+    :func:`~gda_tracker.evaluation.purity.confusion_counts`, with automatic initiation
+    ``continuity`` is set. ``cpu_s`` is the processor time of the tracker alone over ``n_scans``
+    scans.
+    """
+
+    counts: IntArray | None
+    continuity: Continuity | None
+    cpu_s: float
+    n_scans: int
+
+
+def method_parameters(
+    scenario: Scenario, method: str, initiation: str
+) -> dict[str, dict[str, Any]]:
+    """Return ``{node: {parameter: value}}``: what the scenario tells the tracker, and the method.
+
+    ``clairvoyant`` stands for association by the truth over the ``cv`` filter.
+
+    Raises
+    ------
+    ParameterError
+        If the method or one of the values is not allowed.
+    """
+    choice = (
+        {"decision": "gda", "attribute_term": "none", "filter": "cv"}
+        if method == CLAIRVOYANT
+        else parse_method(method)
+    )
+    if method == CLAIRVOYANT and initiation != LABELLED:
+        raise ParameterError(
+            f"method {CLAIRVOYANT} with initiation {initiation}: allowed is labelled, since only "
+            f"then it is known which track follows which target"
+        )
+    preset = tracker_preset(scenario, initiation)
+    parameters = {**preset, "track_manager": {**preset["track_manager"], **choice}}
+    stage_parameters(parameters)
+    return parameters
+
+
+def default_match_distance_m(scenario: Scenario) -> float:
+    """Match distance for continuity: three standard deviations of a position measured midway.
+
+    The larger of the range noise and the azimuth noise at the mean distance of all targets counts.
+    """
+    positions = true_states(scenario)[..., :2] - np.array(scenario.sensor.position_m)
+    cross_range_m = math.radians(scenario.sensor.azimuth_std_deg) * float(
+        np.hypot(positions[..., 0], positions[..., 1]).mean()
+    )
+    return max(3.0 * max(scenario.sensor.range_std_m, cross_range_m), 1.0)
+
+
+class Contestant:
+    """One method on one scenario, made once for many runs.
+
+    The stages without state, and what they have computed at the start (histograms), are shared by
+    all runs; the track manager, the only one with state, is new in every run.
+    """
+
+    def __init__(self, scenario: Scenario, method: str, initiation: str) -> None:
+        self.scenario = scenario
+        self.method = method
+        self.initiation = initiation
+        self.parameters = method_parameters(scenario, method, initiation)
+        self._ring = Ring(self.parameters)
+        # Track ids are the ranks of the target ids, from 1.
+        self._target_ids = np.sort(np.array([target.id for target in scenario.targets]))
+        self._track_ids = np.arange(1, len(self._target_ids) + 1)
+
+    def score(self, recording: Recording, match_distance_m: float | None) -> RunScore:
+        """Track one simulated run and score it."""
+        assert recording.truth is not None
+        ring = self._new_ring(recording)
+        if self.initiation == AUTOMATIC:
+            tracks, cpu_s = _track(ring, recording, 0)
+            distance = match_distance_m or default_match_distance_m(self.scenario)
+            score = score_continuity(tracks, recording.truth, match_distance_m=distance)
+            return RunScore(None, score, cpu_s, len(tracks))
+        skip = self.scenario.time.n_initiation_scans
+        ring.initialise(labelled_tracks(recording, skip, self.parameters))
+        tracks, cpu_s = _track(ring, recording, skip)
+        counts = confusion_counts(tracks, recording.truth[skip:], self._track_ids, self._target_ids)
+        return RunScore(counts, None, cpu_s, len(tracks))
+
+    def _new_ring(self, recording: Recording) -> Ring:
+        ring = copy(self._ring)
+        ring.manager = TrackManager(self._ring.manager.parameters)
+        if self.method == CLAIRVOYANT:
+            assert recording.truth is not None
+            pairs = zip(self._track_ids.tolist(), self._target_ids.tolist(), strict=True)
+            ring.associate = Clairvoyant(recording.truth, dict(pairs))
+        return ring
+
+
+def score_runs(
+    scenario: Scenario,
+    methods: Sequence[str],
+    seed: int,
+    runs: Iterable[int],
+    initiation: str = LABELLED,
+    match_distance_m: float | None = None,
+) -> list[list[RunScore]]:
+    """Simulate runs and score every method on the same scans.
+
+    Parameters
+    ----------
+    scenario, methods, initiation, match_distance_m
+        As in :func:`~gda_tracker.evaluation.monte_carlo.monte_carlo`.
+    seed, runs
+        Which random numbers.
+
+    Returns
+    -------
+    list of lists of RunScore
+        Per run one score per method.
+    """
+    contestants = [Contestant(scenario, method, initiation) for method in methods]
+    scores = []
+    for run in runs:
+        recording = simulate(scenario, seed, run, initiation=initiation)
+        scores.append([contestant.score(recording, match_distance_m) for contestant in contestants])
+    return scores
+
+
+def _track(ring: Ring, recording: Recording, skip: int) -> tuple[list[Tracks], float]:
+    """Take scans round the ring, but the first ``skip``; tracks per scan, processor time."""
+    tracks = []
+    start = time.process_time()
+    for detections in recording.detections[skip:]:
+        result = ring.process(detections)
+        if result.tracks is None:
+            report = result.report
+            raise RuntimeError(
+                f"scan at {detections.stamp_ns} ns of {recording.origin}: {report.outcome} "
+                f"({report.reason}), and a scan without tracks cannot be scored"
+            )
+        tracks.append(result.tracks)
+    return tracks, time.process_time() - start

@@ -1,0 +1,157 @@
+"""The result of an evaluation as plain text, beside what the scenario's source has published."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from gda_tracker.evaluation.continuity import SETTLE_SCANS
+from gda_tracker.evaluation.results import MethodResult, ScenarioResult
+from gda_tracker.simulation.scenarios import NOTES, Scenario
+
+PUBLISHED_PREFIX = "published_purity_"
+
+
+def format_result(result: ScenarioResult, confusion: bool = False) -> str:
+    """Return the table of one scenario, lines of at most about 100 characters.
+
+    Parameters
+    ----------
+    result
+        What :func:`~gda_tracker.evaluation.monte_carlo.monte_carlo` has found.
+    confusion
+        Whether to add, per method, the table of the chapter: which target's detection each track
+        got.
+    """
+    targets = ", ".join(f"{t.id} {t.class_name}" for t in result.scenario.targets)
+    lines = [
+        f"{result.scenario.name}: {result.runs} runs of {result.n_scored_scans} scored scans, seed "
+        f"{result.seed}, {result.initiation} initiation",
+        f"targets: {targets}",
+        "",
+    ]
+    lines += _purity(result) if result.match_distance_m is None else _continuity(result)
+    if len(result.methods) > 1:
+        lines.append(
+            f"difference: to {result.methods[0].method} on the same simulated scans, mean +- its "
+            f"standard error"
+        )
+    if confusion:
+        for method in result.methods:
+            lines += _confusion(method, result.scenario)
+    return "\n".join(lines) + "\n"
+
+
+def _purity(result: ScenarioResult) -> list[str]:
+    ids = sorted(target.id for target in result.scenario.targets)
+    header = [
+        ["method", "purity", "difference", *[f"target {i}" for i in ids], "missed", "FA", "CPU"],
+        ["", "[0..1]", "[0..1]", *["[0..1]" for _ in ids], "[%]", "[%]", "[ms/scan]"],
+    ]
+    rows = []
+    for index, method in enumerate(result.methods):
+        assert method.confusion is not None
+        assert method.purity_per_track is not None
+        rows.append(
+            [
+                method.method,
+                _with_error(method.score_mean, method.score_stderr, 3),
+                _difference(method, index, 3),
+                *[_number(value, 3) for value in method.purity_per_track],
+                _number(100.0 * float(method.confusion[:, -2].mean()), 2),
+                _number(100.0 * float(method.confusion[:, -1].mean()), 2),
+                _number(method.cpu_ms_per_scan, 2),
+            ]
+        )
+    for name, values in published_purity(result.scenario).items():
+        mean = _number(sum(values) / len(values), 3)
+        rows.append([f"published: {name}", mean, "", *[_number(v, 3) for v in values]])
+    return _align(header, rows)
+
+
+def _continuity(result: ScenarioResult) -> list[str]:
+    header = [
+        [
+            *["method", "completeness", "difference", "switches", "flips", "false tracks", "error"],
+            "CPU",
+        ],
+        ["", "[0..1]", "[0..1]", "[per run]", "[per run]", "[per run]", "[m RMS]", "[ms/scan]"],
+    ]
+    rows = []
+    for index, method in enumerate(result.methods):
+        found = method.continuity
+        rows.append(
+            [
+                method.method,
+                _with_error(method.score_mean, method.score_stderr, 3),
+                _difference(method, index, 3),
+                *[
+                    _with_error(found[f"{name}_mean"], found[f"{name}_stderr"], 2)
+                    for name in ("identity_switches", "identity_flips", "false_tracks")
+                ],
+                _number(found["position_rmse_m_mean"], 1),
+                _number(method.cpu_ms_per_scan, 2),
+            ]
+        )
+    return [
+        *_align(header, rows),
+        f"a target is tracked if a confirmed track is within {result.match_distance_m:.0f} m of "
+        f"it; a switch is a change of track that lasts {SETTLE_SCANS} scans",
+    ]
+
+
+def _confusion(method: MethodResult, scenario: Scenario) -> list[str]:
+    if method.confusion is None:
+        return []
+    ids = sorted(target.id for target in scenario.targets)
+    header = [["", *[f"obs. {i}" for i in ids], "missed", "FA"]]
+    rows = [
+        [f"track {i}", *[_number(value, 4) for value in row]]
+        for i, row in zip(ids, method.confusion, strict=True)
+    ]
+    return ["", f"{method.method}: share of scans by the detection that each track got"] + _align(
+        header, rows
+    )
+
+
+def published_purity(scenario: Scenario) -> dict[str, list[float]]:
+    """Purity per target that the scenario's notes quote, by name; empty if there are none."""
+    notes = scenario.notes.get(NOTES)
+    found = {}
+    for name, values in notes.items() if isinstance(notes, dict) else ():
+        numbers = isinstance(values, list) and all(isinstance(v, int | float) for v in values)
+        if str(name).startswith(PUBLISHED_PREFIX) and numbers and values:
+            found[str(name).removeprefix(PUBLISHED_PREFIX).replace("_", " ")] = values
+    return found
+
+
+def _difference(method: MethodResult, index: int, digits: int) -> str:
+    if index == 0:
+        return "-"
+    return f"{method.difference_mean:+.{digits}f}" + _error(method.difference_stderr, digits)
+
+
+def _with_error(mean: float, stderr: float, digits: int) -> str:
+    return _number(mean, digits) + _error(stderr, digits)
+
+
+def _error(stderr: float, digits: int) -> str:
+    return f" +- {stderr:.{digits}f}" if math.isfinite(stderr) else ""
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "n/a"
+
+
+def _align(header: Sequence[Sequence[str]], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines with columns of equal width: the first to the left, the others to the right."""
+    n_columns = len(header[0])
+    table = [[*row, *[""] * (n_columns - len(row))] for row in [*header, *rows]]
+    widths = [max(len(row[column]) for row in table) for column in range(n_columns)]
+    lines = []
+    for row in table:
+        cells = [row[0].ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        lines.append("  ".join(cells).rstrip())
+    rule = "-" * (sum(widths) + 2 * (n_columns - 1))
+    return [*lines[: len(header)], rule, *lines[len(header) :], rule]

@@ -1,0 +1,83 @@
+"""What a scenario tells the tracker, as parameters of the nodes.
+
+Nothing else about the truth reaches it: the sections ``tracker`` and ``attribute``, the noise of
+the sensor, and the RCS model of the clutter, which the tracker knows (Tchamova et al. 2004,
+14.3.1).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from gda_tracker.parameters import ParameterError
+from gda_tracker.simulation.scenarios import Scenario
+
+FALSE_ALARM = "false_alarm"
+FALSE_ALARM_LABEL = "VS"
+# From small to big, by the number of classes beside the false alarm.
+CLASS_LABELS = {1: ("B",), 2: ("S", "B"), 3: ("S", "M", "B")}
+# Silence that ends all tracks; a slow radar needs more than the tracker's own default.
+GAP_SCANS = 12
+
+
+def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str, dict[str, Any]]:
+    """Parameters ``{node: {name: value}}`` for a scenario.
+
+    Parameters
+    ----------
+    scenario
+        The scenario.
+    initiation
+        ``labelled``: the tracks are given and never end, as in the chapter. ``automatic``: the
+        tracker's own confirmation and deletion.
+
+    Raises
+    ------
+    ParameterError
+        If the scenario knows more classes than there are labels.
+    """
+    told, sensor = scenario.tracker, scenario.sensor
+    manager: dict[str, Any] = {
+        "initiation": initiation,
+        "range_std_m": sensor.range_std_m,
+        "azimuth_std_rad": math.radians(sensor.azimuth_std_deg),
+        "process_noise_std_mps2": told.process_noise_std_mps2,
+        "gate_probability": told.gate_probability,
+        "detection_probability": told.detection_probability,
+        "clutter_density_per_m_rad": told.extraneous_return_density_per_rad_m,
+        "missed_track_hypotheses": scenario.attribute.missed_track_hypotheses,
+        "max_gap_s": max(60.0, GAP_SCANS * scenario.time.scan_period_s),
+    }
+    if initiation == "labelled":
+        manager["deletion_misses"] = 0
+    return {"track_manager": manager, "rcs_fuzzifier": _classes(scenario)}
+
+
+def _classes(scenario: Scenario) -> dict[str, Any]:
+    classes, clutter = scenario.attribute.classes, scenario.clutter
+    if len(classes) not in CLASS_LABELS:
+        raise ParameterError(
+            f"scenario {scenario.name}: attribute.classes has {len(classes)} entries: allowed are "
+            f"at most {max(CLASS_LABELS)}"
+        )
+    by_size = sorted(range(len(classes)), key=lambda index: classes[index].rcs_mean_m2)
+    labels = [""] * len(classes)
+    for label, index in zip(CLASS_LABELS[len(classes)], by_size, strict=True):
+        labels[index] = label
+    membership = scenario.attribute.membership
+    return {
+        "class_names": [FALSE_ALARM, *(known.name for known in classes)],
+        "class_rcs_mean_m2": [clutter.rcs_mean_m2, *(known.rcs_mean_m2 for known in classes)],
+        "class_rcs_swerling": [clutter.rcs_swerling, *(known.rcs_swerling for known in classes)],
+        "class_labels": [FALSE_ALARM_LABEL, *labels],
+        # Empty: a target is any of the classes with equal probability, and no false alarm.
+        "class_prior": [],
+        "membership": membership.kind,
+        "histogram_n_draws": membership.n_draws,
+        "histogram_bin_width_m2": membership.bin_width_m2,
+        "histogram_max_rcs_m2": membership.max_rcs_m2,
+        "histogram_normalisation": membership.normalisation,
+        "histogram_interpolation": membership.interpolation,
+        "histogram_seed": membership.seed,
+    }
