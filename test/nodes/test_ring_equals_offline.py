@@ -1,0 +1,82 @@
+"""The graph gives the offline ring's tracks, bit for bit, also when nodes die on the way."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses
+from gda_tracker.nodes.scan_source import ScanSourceNode
+from graph_helpers import (
+    TIMEOUT_S,
+    differences,
+    offline,
+    play,
+    play_in_one_process,
+    play_in_processes,
+    scenario_plays,
+)
+
+METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "gda/dempster/cv", "map/bayes/cv")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_four_processes(method, environment):
+    plays, parameters = scenario_plays("crossing_targets", method)
+    played = play_in_processes(plays, parameters, environment)
+    assert differences(played.tracks, offline(plays, parameters)) == []
+    assert [r.outcome for r in played.reports] == ["tracked"] * len(plays[0].detections)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_four_nodes_in_one_process(method, domain):
+    plays, parameters = scenario_plays("closely_spaced_targets", method)
+    played = play_in_one_process(plays, parameters, domain)
+    assert differences(played.tracks, offline(plays, parameters)) == []
+
+
+def test_automatic_initiation(environment):
+    """Tracks that the tracker starts itself, from all scans of the scenario."""
+    plays, parameters = scenario_plays("crossing_targets", "map/bayes/cv")
+    parameters["track_manager"]["initiation"] = "automatic"
+    parameters["track_manager"]["deletion_misses"] = 3
+    for item in plays:
+        item.initial = None
+    expected = offline(plays, parameters)
+    assert max(len(tracks) for tracks in expected.values()) > 2
+    played = play_in_processes(plays, parameters, environment)
+    assert differences(played.tracks, expected) == []
+
+
+KILLS_PER_STAGE = 10
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("victim", STAGES)
+def test_killed_and_restarted(victim, environment, tmp_path):
+    """Each stage is killed ten times while a scan is on its way; nothing is lost or changed."""
+    method = "gda/dsm_classic/cv"
+    plays, parameters = scenario_plays("closely_spaced_targets", method)
+    expected = offline(plays, parameters)
+    parameters["track_manager"]["checkpoint_path"] = str(tmp_path / "state.npz")
+    moments = random.Random(STAGES.index(victim)).sample(
+        range(1, len(plays[0].detections) - 1), KILLS_PER_STAGE
+    )
+    with (
+        RingProcesses(parameters, environment) as ring,
+        Nodes(
+            lambda **o: [ScanSourceNode({}, plays=plays, collect=True, **o)],
+            int(environment["ROS_DOMAIN_ID"]),
+        ) as nodes,
+    ):
+        source = nodes.nodes[0]
+        for moment in sorted(moments):
+            # The next scan goes out with the answer that ends this wait.
+            reached = nodes.spin_until(lambda m=moment: source.progress.answered >= m, TIMEOUT_S)
+            assert reached, f"stuck at {source.progress.answered} answered scans, before {moment}"
+            ring.kill(victim)
+            ring.start(victim)
+        played = play(nodes, source, ring)
+    assert differences(played.tracks, expected) == []
+    assert {r.outcome for r in played.reports} == {"tracked"}
