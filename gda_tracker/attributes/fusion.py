@@ -333,14 +333,19 @@ class AttributeFusion:
         if predictions.key != evidence.key:
             raise ValueError(f"evidence of {evidence.key} for predictions of {predictions.key}")
         term = predictions.settings.attribute_term
-        # Classes are tied to the elements of the frame: other classes make it another frame.
-        same = predictions.class_names == evidence.class_names
+        # Classes are tied to the elements of the frame: other classes make it another frame. Such
+        # histories, and those of hypotheses that have none yet, need not even have rows.
+        known = (
+            predictions.frame == evidence.frame and predictions.class_names == evidence.class_names
+        )
+        believed = known and len(predictions.focal) > 0
+        none = empty_floats(len(hypothesis), 0)
         pairs = fuse_pairs(
             term,
-            predictions.frame if same else (),
-            predictions.focal,
-            predictions.masses[hypothesis],
-            predictions.class_probability[hypothesis],
+            evidence.frame,
+            predictions.focal if believed else _NO_FOCAL,
+            predictions.masses[hypothesis] if believed else none,
+            predictions.class_probability[hypothesis] if known else none,
             evidence,
             detection,
             self.parameters.forgetting_factor,

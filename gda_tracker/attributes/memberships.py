@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -31,6 +32,23 @@ class HistogramSettings:
     seed: int = 2004
 
 
+@lru_cache(maxsize=32)
+def _histograms(
+    means: tuple[float, ...], models: tuple[int, ...], settings: HistogramSettings
+) -> tuple[FloatArray, FloatArray]:
+    """Bin edges and draws per bin (C, bins), both read-only; made once, since they are no small work."""
+    generator = np.random.default_rng(settings.seed)
+    n_bins = int(np.ceil(settings.max_rcs_m2 / settings.bin_width_m2 - 1e-9))
+    edges_m2 = np.append(np.arange(n_bins) * settings.bin_width_m2, settings.max_rcs_m2)
+    counts = np.empty((len(means), n_bins))
+    for row, (mean, swerling) in enumerate(zip(means, models, strict=True)):
+        draws = sample(generator, mean, swerling, settings.n_draws)
+        counts[row] = np.histogram(draws, edges_m2)[0]
+    for array in (edges_m2, counts):
+        array.flags.writeable = False
+    return edges_m2, counts
+
+
 class HistogramMembership:
     """Grades of membership from histograms of simulated radar cross sections, one per class.
 
@@ -57,15 +75,9 @@ class HistogramMembership:
         class_rcs_swerling: list[int],
         settings: HistogramSettings,
     ) -> None:
-        generator = np.random.default_rng(settings.seed)
-        n_bins = int(np.ceil(settings.max_rcs_m2 / settings.bin_width_m2 - 1e-9))
-        self.edges_m2 = np.append(np.arange(n_bins) * settings.bin_width_m2, settings.max_rcs_m2)
-        counts = np.empty((len(class_rcs_mean_m2), n_bins))
-        for row, (mean, swerling) in enumerate(
-            zip(class_rcs_mean_m2, class_rcs_swerling, strict=True)
-        ):
-            draws = sample(generator, mean, swerling, settings.n_draws)
-            counts[row] = np.histogram(draws, self.edges_m2)[0]
+        self.edges_m2, counts = _histograms(
+            tuple(class_rcs_mean_m2), tuple(class_rcs_swerling), settings
+        )
         if settings.normalisation == "peak":
             self.grades = counts / np.maximum(counts.max(axis=1, keepdims=True), 1.0)
         else:
