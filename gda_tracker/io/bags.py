@@ -16,6 +16,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from gda_tracker.io import bag_types
 from gda_tracker.io.bag_salvage import SalvagedRow, salvage
 from gda_tracker.io.bag_types import MissingLibraryError
@@ -95,7 +97,7 @@ class Bag:
         self.path = Path(path)
         self.damage = ""
         self.topics: dict[str, BagTopic] = {}
-        self.notes: dict[str, str] = {}
+        self.notes = _notes(self.path)
         self._store = bag_types.type_store()
         self._salvaged: list[SalvagedRow] = []
         self._readable: list[Path] = []
@@ -159,13 +161,11 @@ class Bag:
         try:
             with self._reader(path) as reader:
                 connections = list(reader.connections)
-                notes = reader.storage.metadata.custom or {}
         except Exception as error:  # whatever the library's parsers run into
             return _one_line(error)
         for item in connections:
             self._add(item.topic, item.msgtype, item.digest, item.msgdef.data, item.msgcount, item)
         self._readable.append(path)
-        self.notes.update({str(name): str(text) for name, text in notes.items()})
         return ""
 
     def _look_at_the_files(self) -> None:
@@ -214,6 +214,19 @@ class Bag:
             types = get_types_from_msg(definition, kind)
             known = self._store.fielddefs
             self._store.register({key: types[key] for key in types if key not in known})
+
+
+def _notes(path: Path) -> dict[str, str]:
+    """Return the notes in the metadata of a bag, also of one whose messages are damaged."""
+    folder = path if path.is_dir() else path.parent
+    try:
+        content = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
+        information = content["rosbag2_bagfile_information"]
+        if path != folder and path.name not in information["relative_file_paths"]:
+            return {}
+        return {str(name): str(text) for name, text in (information["custom_data"] or {}).items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, yaml.YAMLError):
+        return {}  # no notes; what is wrong with the metadata is found when the bag is opened
 
 
 @lru_cache(maxsize=64)

@@ -41,17 +41,9 @@ class ParameterFileError(ParameterError):
 
 def stage_tables() -> dict[str, type]:
     """Return the parameter tables of the four nodes of the ring, by node name."""
-    from gda_tracker.association.associate import AssociationParameters
-    from gda_tracker.attributes.fusion import AttributeFusionParameters
-    from gda_tracker.attributes.fuzzification import RcsFuzzifierParameters
-    from gda_tracker.tracking.parameters import TrackManagerParameters
+    from gda_tracker.tracking.ring import STAGE_TABLES
 
-    return {
-        "track_manager": TrackManagerParameters,
-        "rcs_fuzzifier": RcsFuzzifierParameters,
-        "attribute_fusion": AttributeFusionParameters,
-        "association": AssociationParameters,
-    }
+    return dict(STAGE_TABLES)
 
 
 # --- reading --------------------------------------------------------------------------------------

@@ -157,6 +157,21 @@ def test_metadata_is_what_ros2_bag_play_needs(tmp_path):
         assert Bag(tmp_path / "bag").topics[name] == topic
 
 
+def test_notes_are_kept_and_read_where_messages_are_damaged(tmp_path):
+    with BagWriter(tmp_path / "bag", [SCANS], {"preset": "x", "origin": 'a: "b"'}) as bag:
+        bag.write("scans", messages.scan_to_message(examples.scan()), 1)
+        bag.flush()
+    mcap = the_mcap(tmp_path / "bag")
+    mcap.write_bytes(mcap.read_bytes()[:-20])
+    for path in (tmp_path / "bag", mcap):
+        assert Bag(path).notes == {"preset": "x", "origin": 'a: "b"'}
+    other = mcap.with_name("other.mcap")
+    mcap.rename(other)
+    assert Bag(other).notes == {}
+    (tmp_path / "bag" / "metadata.yaml").write_text("[]")
+    assert Bag(other).notes == {}
+
+
 def test_a_bag_without_messages(tmp_path):
     with BagWriter(tmp_path / "bag", [SCANS]):
         pass
