@@ -36,7 +36,7 @@ class HistogramSettings:
 def _histograms(
     means: tuple[float, ...], models: tuple[int, ...], settings: HistogramSettings
 ) -> tuple[FloatArray, FloatArray]:
-    """Bin edges and draws per bin (C, bins), both read-only; made once, since they are no small work."""
+    """Bin edges and draws per bin (C, bins), read-only; made once per process."""
     generator = np.random.default_rng(settings.seed)
     n_bins = int(np.ceil(settings.max_rcs_m2 / settings.bin_width_m2 - 1e-9))
     edges_m2 = np.append(np.arange(n_bins) * settings.bin_width_m2, settings.max_rcs_m2)
