@@ -1,0 +1,365 @@
+"""Bad input over the topics: named, counted, answered; the nodes live on, other scans are untouched."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from gda_tracker_msgs import msg
+from graph_helpers import TIMEOUT_S, differences, offline, scenario_plays
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from gda_tracker.io.messages import (
+    detections_to_message,
+    scan_report_from_message,
+    tracks_from_message,
+    tracks_to_message,
+)
+from gda_tracker.nodes.qualities import latched, stream
+from gda_tracker.nodes.runner import STAGES, Nodes, stage_nodes
+
+METHOD = "gda/dsm_classic/cv"
+
+
+class Client(Node):
+    """Publishes what a test wants and keeps what comes back."""
+
+    def __init__(self, **options):
+        super().__init__("client", **options)
+        self.detections = self.create_publisher(msg.DetectionArray, "detections", stream())
+        self.initial = self.create_publisher(msg.TrackArray, "initial_tracks", latched())
+        self.reports, self.tracks, self.diagnostics = [], {}, {}
+        self.create_subscription(msg.ScanReport, "scan_reports", self._report, stream())
+        self.create_subscription(msg.TrackArray, "tracks", self._tracks, stream())
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, stream())
+
+    def autostart(self):
+        """Nothing to start."""
+
+    def _report(self, message):
+        self.reports.append(scan_report_from_message(message))
+
+    def _tracks(self, message):
+        tracks = tracks_from_message(message)
+        self.tracks[(tracks.key.sensor_id, tracks.key.stamp_ns)] = tracks
+
+    def _diagnose(self, message):
+        for status in message.status:
+            self.diagnostics[status.name] = status
+
+    def value(self, node, name):
+        """A value of a node's diagnostics, as text."""
+        status = self.diagnostics.get(f"/{node}")
+        values = {} if status is None else {v.key: v.value for v in status.values}
+        return values.get(name)
+
+
+class Bench:
+    """A ring in one process and a client."""
+
+    def __init__(self, domain, parameters):
+        self.nodes = Nodes(
+            lambda **o: [Client(**o), *stage_nodes(parameters, **o)],
+            domain,
+        )
+        self.client = self.nodes.nodes[0]
+        self.manager = self.nodes.nodes[1]
+
+    def __enter__(self):
+        self.nodes.__enter__()
+        self.until(
+            lambda: self.client.detections.get_subscription_count() > 0
+            and self.client.count_publishers("scan_reports") > 0
+            and self.client.count_publishers("tracks") > 0
+        )
+        return self
+
+    def __exit__(self, *unused):
+        self.nodes.__exit__(*unused)
+
+    def until(self, done):
+        assert self.nodes.spin_until(done, TIMEOUT_S), (self.client.reports, self.manager.counters)
+
+    def send(self, message):
+        """Publish, wait for the answer, return it."""
+        count = len(self.client.reports)
+        if not isinstance(message, msg.DetectionArray):
+            message = detections_to_message(message)
+        self.client.detections.publish(message)
+        self.until(lambda: len(self.client.reports) > count)
+        return self.client.reports[-1]
+
+    def initialise(self, tracks):
+        """Send labelled tracks and wait until they are taken."""
+        tracks = replace(tracks, system_uuid=os.urandom(16))
+        self.client.initial.publish(tracks_to_message(tracks))
+        self.until(lambda: any(r.outcome == "initialised" for r in self.client.reports))
+
+
+@pytest.fixture
+def crossing():
+    plays, parameters = scenario_plays("crossing_targets", METHOD)
+    return plays[0], parameters, offline(plays, parameters)
+
+
+def spoil(detections, **changes):
+    """A copy with other arrays, and a stamp half a second later so that it is a scan of its own."""
+    return replace(detections, stamp_ns=detections.stamp_ns + 500_000_000, **changes)
+
+
+def not_a_number(d):
+    values = d.range_m.copy()
+    values[:] = np.nan
+    return spoil(d, range_m=values)
+
+
+def mismatched(d):
+    return spoil(d, azimuth_rad=d.azimuth_rad[:-1])
+
+
+def flood(d):
+    n = 100_000
+    return spoil(
+        d, range_m=np.full(n, 1e4), azimuth_rad=np.zeros(n), rcs_m2=None, rcs_valid=None
+    )
+
+
+REJECTED = {
+    "array_length_mismatch": mismatched,
+    "too_many_detections": flood,
+    "late": lambda d: replace(d, stamp_ns=d.stamp_ns - 6_000_000_000),
+    "missing_sensor_id": lambda d: spoil(d, sensor_id=""),
+    "bad_sensor_pose": lambda d: spoil(d, sensor_position_m=np.array([np.inf, 0.0, 0.0])),
+}
+
+
+def test_rejected_scans_change_nothing(domain, crossing):
+    """Between the good scans of a run every kind of broken scan is sent; the tracks are the same."""
+    play, parameters, expected = crossing
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        reasons = list(REJECTED)
+        for index, detections in enumerate(play.detections):
+            assert bench.send(detections).outcome == "tracked"
+            reason = reasons[index % len(reasons)]
+            answer = bench.send(REJECTED[reason](detections))
+            assert (answer.outcome, answer.reason) == ("rejected", reason)
+        bench.until(lambda: len(bench.client.tracks) == len(play.detections))
+        assert differences(bench.client.tracks, expected) == []
+        for reason in reasons:
+            assert bench.manager.counters[f"rejected_{reason}"] >= 4
+        bench.until(lambda: bench.client.value("track_manager", "rejected_late") is not None)
+
+
+def test_broken_detections_are_left_out_and_the_rest_is_tracked(domain, crossing):
+    play, parameters, expected = crossing
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        for detections in play.detections:
+            n = len(detections.range_m)
+            bad = replace(
+                detections,
+                range_m=np.concatenate([detections.range_m, [np.nan, np.inf, -5.0, 0.0]]),
+                azimuth_rad=np.concatenate([detections.azimuth_rad, [0.0, 0.0, 0.0, 0.0]]),
+                rcs_m2=np.concatenate([detections.rcs_m2, [1.0, 1.0, 1.0, np.nan]]),
+                rcs_valid=None,
+            )
+            answer = bench.send(bad)
+            assert answer.rejected == {"not_finite": 2, "negative_range": 1, "zero_range": 1}
+            assert (answer.detections_received, answer.detections_admitted) == (n + 4, n)
+        bench.until(lambda: len(bench.client.tracks) == len(play.detections))
+        assert differences(bench.client.tracks, expected) == []
+
+
+def test_wrapped_azimuth_is_counted_and_tracked(domain, crossing):
+    play, parameters, _ = crossing
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        first = play.detections[0]
+        answer = bench.send(replace(first, azimuth_rad=first.azimuth_rad + 4.0 * np.pi))
+        assert answer.rejected == {"azimuth_wrapped": len(first.range_m)}
+        bench.until(lambda: bench.client.tracks)
+        assert (next(iter(bench.client.tracks.values())).detection_index >= 0).all()
+
+
+def test_duplicates_and_a_time_jump(domain, crossing):
+    play, parameters, _ = crossing
+    parameters["track_manager"]["initiation"] = "automatic"
+    with Bench(domain, parameters) as bench:
+        for detections in play.detections[:6]:
+            assert not bench.send(detections).repeated
+        again = bench.send(play.detections[5])
+        assert again.repeated
+        assert again.outcome == "tracked"
+        highest = max(t.track_id.max() for t in bench.client.tracks.values() if len(t))
+        bench.client.tracks.clear()
+        # The recording starts again: the time axis jumps back by 25 s, tracks are new, ids go on.
+        for detections in play.detections[:5]:
+            assert bench.send(detections).outcome == "tracked"
+        assert bench.manager.counters["reset_time_jump"] == 1
+        keys = [(d.sensor_id, d.stamp_ns) for d in play.detections[:5]]
+        bench.until(lambda: set(keys) <= set(bench.client.tracks))
+        ids = np.concatenate([bench.client.tracks[key].track_id for key in keys])
+        assert ids.size
+        assert ids.min() > highest
+
+
+def test_garbage_on_the_ring_topics_is_counted_and_the_scan_completed(domain, crossing):
+    play, parameters, expected = crossing
+    with Bench(domain, parameters) as bench:
+        noise = bench.client.create_publisher(msg.Associations, "associations", latched())
+        bench.until(lambda: noise.get_subscription_count() > 0)
+        bench.initialise(play.initial)
+        for detections in play.detections[:5]:
+            foreign = msg.Associations()
+            foreign.key.sensor_id = "someone else"
+            noise.publish(foreign)
+            assert bench.send(detections).outcome == "tracked"
+        bench.until(lambda: len(bench.client.tracks) == 5)
+        wanted = {key: expected[key] for key in bench.client.tracks}
+        assert differences(bench.client.tracks, wanted) == []
+        bench.until(lambda: bench.manager.counters["not_open"] > 0)
+        # A second publisher of a stage's output is an error, said in diagnostics.
+        bench.until(
+            lambda: getattr(bench.client.diagnostics.get("/association"), "level", None)
+            == DiagnosticStatus.ERROR
+        )
+        assert "second publisher" in bench.client.diagnostics["/association"].message
+
+
+def test_a_dead_stage_degrades_or_gives_up_only_when_asked(domain, crossing):
+    play, parameters, _ = crossing
+    parameters["track_manager"] |= {"attribute_timeout_s": 0.5, "retry_period_s": 0.5}
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        assert bench.send(play.detections[0]).outcome == "tracked"
+        fusion = next(n for n in bench.nodes.nodes if n.get_name() == "attribute_fusion")
+        fusion.trigger_deactivate()
+        answer = bench.send(play.detections[1])
+        assert answer.outcome == "degraded"
+        association = next(n for n in bench.nodes.nodes if n.get_name() == "association")
+        association.trigger_deactivate()
+        bench.manager.set_parameters([Parameter("scan_timeout_s", value=1.0)])
+        answer = bench.send(play.detections[2])
+        assert answer.outcome == "gave_up"
+        bench.until(lambda: len(bench.client.tracks) == 3)
+        stamps = [d.stamp_ns for d in play.detections[:3]]
+        tracks = [bench.client.tracks[("radar", s)] for s in stamps]
+        assert [t.degraded for t in tracks] == [False, True, True]
+        # A dead node is not a missed detection.
+        assert np.array_equal(tracks[2].misses, tracks[1].misses)
+        fusion.trigger_activate()
+        association.trigger_activate()
+        bench.manager.set_parameters(
+            [Parameter("scan_timeout_s", value=0.0), Parameter("attribute_timeout_s", value=0.0)]
+        )
+        assert bench.send(play.detections[3]).outcome == "tracked"
+
+
+def test_live_parameters_act_or_are_refused_with_a_reason(domain, crossing):
+    play, parameters, _ = crossing
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        client = bench.client.create_client(SetParameters, "track_manager/set_parameters")
+        bench.until(client.service_is_ready)
+
+        def change(**values):
+            request = SetParameters.Request(
+                parameters=[Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
+            )
+            future = client.call_async(request)
+            bench.until(future.done)
+            return [(r.successful, r.reason) for r in future.result().results]
+
+        ((good, reason),) = change(gate_probability=1.5)
+        assert not good
+        assert "gate_probability = 1.5" in reason
+        assert "<= 1" in reason
+        assert change(deletion_misses=1)[0][0]
+        # An integer for a number is taken.
+        assert change(process_noise_std_mps2=20)[0][0]
+        assert change(decision="map", attribute_term="bayes") == [(True, ""), (True, "")]
+        assert bench.send(play.detections[0]).outcome == "tracked"
+        assert bench.manager.manager.parameters.decision == "map"
+        empty = replace(
+            play.detections[1],
+            range_m=np.zeros(0),
+            azimuth_rad=np.zeros(0),
+            rcs_m2=None,
+            rcs_valid=None,
+        )
+        assert bench.send(empty).outcome == "tracked"
+        bench.until(lambda: len(bench.client.tracks) == 2)
+        ended = bench.client.tracks[("radar", empty.stamp_ns)]
+        assert len(ended) == 0
+        assert ended.deleted_track_id.tolist() == [1, 2]
+
+
+WRONG = {
+    "gate_probability:=2.0": ("gate_probability = 2.0", "<= 1"),
+    "gate_probabilty:=0.9": ("gate_probabilty", "gate_probability"),
+    "decision:=best": ("decision = 'best'", "gda, map"),
+    "confirmation_hits:=9": ("confirmation_hits = 9", "confirmation_scans"),
+}
+
+
+@pytest.mark.parametrize("assignment", WRONG)
+def test_a_wrong_parameter_stops_start_up_with_one_line(assignment, environment):
+    done = subprocess.run(
+        [sys.executable, "-m", "gda_tracker.nodes.track_manager", "--ros-args", "-p", assignment],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    for word in WRONG[assignment]:
+        assert word in lines[0]
+
+
+def test_an_unknown_class_in_a_parameter_file(environment, tmp_path):
+    path = tmp_path / "wrong.yaml"
+    path.write_text(
+        "/**/rcs_fuzzifier:\n  ros__parameters:\n    class_names: [false_alarm, fighter, zeppelin, ufo]\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "gda_tracker.nodes.rcs_fuzzifier", "--ros-args", "--params-file", path],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert "class_" in done.stderr
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_termination_is_quiet_and_ends_with_zero(stage, environment):
+    process = subprocess.Popen(
+        [sys.executable, "-m", f"gda_tracker.nodes.{stage}"],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        with Nodes(lambda **o: [Client(**o)], int(environment["ROS_DOMAIN_ID"])) as nodes:
+            client = nodes.nodes[0]
+            assert nodes.spin_until(lambda: client.diagnostics, TIMEOUT_S)
+        process.terminate()
+        out, err = process.communicate(timeout=20)
+    finally:
+        process.kill()
+        process.wait(20)
+    assert process.returncode == 0, err
+    assert "Traceback" not in out + err
