@@ -9,7 +9,7 @@ import textwrap
 from dataclasses import dataclass
 
 from gda_tracker import __version__
-from gda_tracker.parameters import ParameterError
+from gda_tracker.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,8 @@ def main(arguments: list[str] | None = None) -> int:
     args = build_parser(named).parse_args(arguments)
     try:
         return int(importlib.import_module(COMMANDS[args.command].module).run(args) or 0)
-    except ParameterError as error:
+    except (UserError, OSError, ImportError) as error:
+        # What the user can mend: a value, a file, a missing library. One line each.
         print(f"gda-tracker {args.command}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 
-from gda_tracker.parameters import ParameterError
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
@@ -18,22 +16,18 @@ def run(args: argparse.Namespace) -> int:
     """Record until Ctrl-C."""
     from rclpy.executors import ExternalShutdownException
 
-    from gda_tracker.io.bags import BagError
     from gda_tracker.nodes.recorder import RecorderNode
     from gda_tracker.nodes.runner import Nodes, transport_environment, use_environment
 
     use_environment(transport_environment())
     remap = ["--ros-args", "-r", f"__ns:=/{args.namespace.strip('/')}"] if args.namespace else None
-    try:
-        with Nodes(lambda **o: [RecorderNode({"bag": args.bag}, **o)], arguments=remap) as nodes:
-            print(f"gda-tracker record: recording into {args.bag}; Ctrl-C ends")
-            sys.stdout.flush()
-            try:
-                nodes.spin_until(lambda: not nodes.context.ok())
-            except (KeyboardInterrupt, ExternalShutdownException):
-                pass
-            counts = nodes.nodes[0].counters
-        print(f"gda-tracker record: {sum(counts.values())} messages in {args.bag}")
-    except BagError as error:
-        raise ParameterError(str(error)) from error
+    with Nodes(lambda **o: [RecorderNode({"bag": args.bag}, **o)], arguments=remap) as nodes:
+        print(f"gda-tracker record: recording into {args.bag}; Ctrl-C ends")
+        sys.stdout.flush()
+        try:
+            nodes.spin_until(lambda: not nodes.context.ok())
+        except (KeyboardInterrupt, ExternalShutdownException):
+            pass
+        counts = nodes.nodes[0].counters
+    print(f"gda-tracker record: {sum(counts.values())} messages in {args.bag}")
     return 0

@@ -11,14 +11,16 @@ import numpy as np
 
 from gda_tracker.commands.options import Parameters, add_parameter_options, gather_parameters
 from gda_tracker.commands.progress import progress_bar
+from gda_tracker.errors import UserError
 from gda_tracker.evaluation.continuity import score_continuity
-from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.playback import Playback, of_recording, of_scenario
 from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
 from gda_tracker.vocabulary.scans import ScanReport
 from gda_tracker.vocabulary.tracks import Tracks
 
 STALL_TIMEOUT_S = 60.0
+REAL_MATCH_M = 25.0
+SIMULATED_MATCH_M = 1000.0
 
 Answers = list[tuple[ScanReport, Tracks | None]]
 
@@ -51,30 +53,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--domain", type=int, metavar="N", help="ROS domain to use; default: one of its own"
     )
+    parser.add_argument(
+        "--match-distance",
+        type=float,
+        metavar="M",
+        help="a target counts as tracked if a confirmed track is within M metres "
+        "(default: 25, for simulated targets 1000)",
+    )
     parser.add_argument("--seed", type=int, default=1, help="seed, if RECORDING is a scenario")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay and print a summary."""
     if args.offline and args.bag:
-        raise ParameterError("--bag: there are no topics to record with --offline")
+        raise UserError("--bag: there are no topics to record with --offline")
     if not 0.0 <= args.rate < float("inf"):
-        raise ParameterError(f"--rate {args.rate}: allowed is a number >= 0")
+        raise UserError(f"--rate {args.rate}: allowed is a number >= 0")
     play, preset_name, parameters = _load(args)
     print(f"{play.name}: {len(play.detections)} scans, parameters: {preset_name}")
     if not play.detections:
-        raise ParameterError(f"{args.recording}: no scans")
+        raise UserError(f"{args.recording}: no scans")
     sys.stdout.flush()
     if args.offline:
         answers = _offline(play, parameters)
     else:
         answers = _through_the_nodes(play, parameters, args)
     if args.tracks:
-        from gda_tracker.io.track_csv import write_tracks
+        from gda_tracker.io.track_csv import TrackCsvWriter
 
-        write_tracks(args.tracks, [tracks for _, tracks in answers])
+        with TrackCsvWriter(args.tracks) as table:
+            for scan, (_, tracks) in enumerate(answers):
+                if tracks is not None:
+                    table.write(scan, tracks)
         print(f"tracks: {args.tracks}")
-    _summary(play, answers)
+    _summary(play, answers, args.match_distance)
     return 0
 
 
@@ -145,12 +157,12 @@ def _through_the_nodes(play: Playback, parameters: Parameters, args: argparse.Na
             bar(source.progress.answered)
             failure = ring.failed() or stalled.after(source.progress.answered, args.rate)
             if failure:
-                raise ParameterError(failure)
+                raise UserError(failure)
 
         nodes.spin_until(lambda: source.finished, watch=watch)
         bar(source.progress.answered)
         if source.error:
-            raise ParameterError(source.error)
+            raise UserError(source.error)
         progress = source.progress
     return [
         (report, progress.tracks.get((report.key.sensor_id, report.key.stamp_ns)))
@@ -175,7 +187,7 @@ class _Stall:
         return ""
 
 
-def _summary(play: Playback, answers: Answers) -> None:
+def _summary(play: Playback, answers: Answers, match_distance_m: float | None) -> None:
     """Print what came out: scans, tracks, and scores where there is truth."""
     outcomes = Counter(
         f"rejected: {report.reason}" if report.outcome == "rejected" else report.outcome
@@ -202,7 +214,21 @@ def _summary(play: Playback, answers: Answers) -> None:
     pairs = [(t, truth[key]) for _, t in tracked if (key := (t.key.sensor_id, t.key.stamp_ns)) in truth]
     if not pairs:
         return
-    score = score_continuity([t for t, _ in pairs], [r for _, r in pairs], truth_is_partial=True)
+    # Where every detection's source is known the truth is a simulation's, and complete.
+    simulated = all(r.source_id is not None for _, r in pairs)
+    score = score_continuity(
+        [t for t, _ in pairs],
+        [r for _, r in pairs],
+        match_distance_m=match_distance_m or (SIMULATED_MATCH_M if simulated else REAL_MATCH_M),
+        truth_is_partial=not simulated,
+    )
+    if simulated:
+        print(
+            f"targets: {len(score.target_id)}, completeness {score.completeness:.3f} (within "
+            f"{score.match_distance_m:.0f} m), identity switches {score.identity_switches}, "
+            f"false tracks {score.false_tracks}, position error {score.position_rmse_m:.1f} m (RMS)"
+        )
+        return
     for target, share, switches in zip(
         score.target_id, score.completeness_per_target, score.switches, strict=True
     ):

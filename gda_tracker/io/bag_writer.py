@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gda_tracker.errors import UserError
 from gda_tracker.io import bag_types
 
 METADATA_VERSION = 9  # of ROS 2 Jazzy
 
 
-class BagError(ValueError):
+class BagError(UserError):
     """A bag cannot be written or read; the message is one line and names the bag."""
 
 

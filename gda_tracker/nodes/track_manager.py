@@ -22,6 +22,7 @@ from gda_tracker.io.messages import (
     predictions_to_message,
     scan_report_to_message,
     scan_to_message,
+    stamp_from_time,
     tracks_from_message,
     tracks_to_message,
 )
@@ -111,9 +112,13 @@ class TrackManagerNode(RingNode):
             detections = detections_from_message(message)
         except MessageError as error:
             self.drop("rejected_malformed", str(error))
+            try:
+                stamp_ns = stamp_from_time(message.header.stamp)
+            except MessageError:
+                stamp_ns = 0
             self._report(
                 ScanReport(
-                    ScanKey(self.manager.epoch, message.sensor_id, 0),
+                    ScanKey(self.manager.epoch, message.sensor_id, stamp_ns),
                     "rejected",
                     reason="malformed",
                     detections_received=len(message.range_m),

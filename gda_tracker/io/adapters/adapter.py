@@ -6,10 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from gda_tracker.errors import UserError
 from gda_tracker.vocabulary.recordings import Recording
 
 
-class RecordingError(ValueError):
+class RecordingError(UserError):
     """A recording cannot be read; the message is one line and names the file."""
 
 
