@@ -35,14 +35,19 @@ def scale(bordered: FloatArray) -> FloatArray:
     Parameters
     ----------
     bordered : (B, steps + 1, elements + 1)
-        Log weights; the corner has no meaning and must be 0. NaN or +inf: nothing is scaled.
+        Log weights; the corner has no meaning and must be 0. Clusters with NaN or +inf are
+        overwritten by weights of zero.
     """
     steps, elements = bordered.shape[1] - 1, bordered.shape[2] - 1
     taken = np.zeros(len(bordered))
     # A joint hypothesis has at most steps + elements factors.
     largest = np.abs(bordered).max(where=bordered != -np.inf, initial=0.0)
-    if (steps + elements) * largest <= -LOG_SMALLEST or not largest < np.inf:
+    if (steps + elements) * largest <= -LOG_SMALLEST:
         return taken
+    if not largest < np.inf:
+        numbers = (bordered < np.inf).all(axis=(1, 2))  # False for NaN
+        bordered[~numbers] = -np.inf
+        bordered[:, steps, elements] = 0.0
     rows = _on_grid(bordered[:, :steps].max(axis=2, initial=LOG_ZERO))
     bordered[:, :steps] -= rows[:, :, None]
     columns = _on_grid(bordered[:, :, :elements].max(axis=1, initial=LOG_ZERO))

@@ -61,6 +61,15 @@ class BruteForce:
                 if j >= 0:
                     self.marginals[i, j] += weight / total
 
+    @property
+    def most_pairs(self):
+        """Number of pairs of the fullest hypothesis that has weight."""
+        return max(
+            sum(j >= 0 for j in hypothesis)
+            for hypothesis, log_weight in zip(self.hypotheses, self.log_weights, strict=True)
+            if log_weight > -math.inf
+        )
+
 
 @pytest.fixture(scope="session")
 def brute_force():
@@ -69,7 +78,7 @@ def brute_force():
 
 @pytest.fixture(scope="session")
 def random_cluster():
-    """Draw (log_weight, log_idle_track, log_idle_measurement), a share of the weights being zero."""
+    """Draw (log_weight, log_idle_track, log_idle_measurement), a share of them -inf."""
 
     def draw(rng, n, m, spread, zeros=0.0):
         arrays = [rng.uniform(-spread, spread, shape) for shape in ((n, m), n, m)]

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gda_tracker.association.assignment import (
@@ -13,6 +13,8 @@ from gda_tracker.association.assignment import (
     choose_most_probable,
 )
 
+examples = settings(derandomize=True, deadline=None, max_examples=50)
+
 shapes = st.tuples(st.integers(1, 4), st.integers(1, 4), st.integers(0, 2**32))
 
 
@@ -20,6 +22,7 @@ def is_matching(chosen):
     return (chosen.sum(axis=0) <= 1).all() and (chosen.sum(axis=1) <= 1).all()
 
 
+@examples
 @given(shapes, st.sampled_from([0.0, 0.4]))
 def test_best_hypothesis_has_the_largest_weight(brute_force, random_cluster, drawn, zeros):
     n, m, seed = drawn
@@ -33,6 +36,7 @@ def test_best_hypothesis_has_the_largest_weight(brute_force, random_cluster, dra
     assert weight == pytest.approx(expected.best, abs=1e-9)
 
 
+@examples
 @given(shapes)
 def test_map_equals_brute_force(brute_force, random_cluster, drawn):
     n, m, seed = drawn
@@ -86,6 +90,7 @@ def largest_matchings(inside):
     return found
 
 
+@examples
 @given(shapes)
 def test_gda_is_the_largest_assignment_of_smallest_cost(drawn):
     n, m, seed = drawn

@@ -2,13 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gda_tracker.association.clustering import FEW_CLUSTERS, find_clusters
 
+examples = settings(derandomize=True, deadline=None, max_examples=50)
 gate_graphs = st.tuples(
     st.integers(1, 25), st.integers(1, 25), st.floats(0.0, 0.3), st.integers(0, 2**32)
 )
@@ -26,6 +27,7 @@ def reference_labels(hypothesis, detection, h, n):
     return first.argsort().argsort()[inverse]
 
 
+@examples
 @given(gate_graphs, st.integers(1, 5))
 def test_clusters_are_the_connected_components(drawn, padded_size):
     h, n, share, seed = drawn
@@ -38,6 +40,7 @@ def test_clusters_are_the_connected_components(drawn, padded_size):
     np.testing.assert_array_equal(clusters.pair_count, np.bincount(expected))
 
 
+@examples
 @given(gate_graphs, st.integers(1, 5))
 def test_groups_hold_every_cluster_once_and_place_its_pairs(drawn, padded_size):
     h, n, share, seed = drawn

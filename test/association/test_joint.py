@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gda_tracker.association import joint, subsets
@@ -16,6 +16,8 @@ from gda_tracker.association.joint import (
     joint_marginals,
     joint_marginals_batch,
 )
+
+examples = settings(derandomize=True, deadline=None, max_examples=50)
 
 TABLE_14_1 = {
     (2, 2): 7,
@@ -156,6 +158,7 @@ def test_ten_by_ten_with_wild_weights_is_a_distribution(random_cluster):
     assert found.sum(axis=0).max() <= 1.0 + 1e-12
 
 
+@examples
 @given(clusters)
 def test_rows_and_columns_sum_to_at_most_one(random_cluster, drawn):
     n, m, spread, seed = drawn
@@ -165,6 +168,7 @@ def test_rows_and_columns_sum_to_at_most_one(random_cluster, drawn):
     assert found.sum(axis=0).max() <= 1.0 + 1e-12
 
 
+@examples
 @given(clusters)
 def test_permuting_tracks_and_measurements_permutes_the_answer(random_cluster, drawn):
     n, m, spread, seed = drawn
@@ -179,6 +183,7 @@ def test_permuting_tracks_and_measurements_permutes_the_answer(random_cluster, d
     )
 
 
+@examples
 @given(clusters)
 def test_tracks_and_measurements_play_the_same_part(random_cluster, drawn):
     n, m, spread, seed = drawn
@@ -191,6 +196,7 @@ def test_tracks_and_measurements_play_the_same_part(random_cluster, drawn):
     )
 
 
+@examples
 @given(clusters, st.floats(-300, 300))
 def test_a_common_factor_of_a_track_or_measurement_changes_nothing(random_cluster, drawn, factor):
     n, m, spread, seed = drawn

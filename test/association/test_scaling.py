@@ -71,9 +71,12 @@ def test_scaling_is_exact_and_accounted_for(random_cluster):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_what_is_not_a_weight_is_not_scaled(value, random_cluster):
-    array = bordered(random_cluster(np.random.default_rng(4), 2, 2, 2000.0))[None]
-    array[0, 0, 0] = value
-    before = array.copy()
-    scale(array)
-    np.testing.assert_array_equal(array, before)
+def test_what_is_not_a_weight_spoils_its_own_cluster_only(value, random_cluster):
+    rng = np.random.default_rng(4)
+    arrays = np.array([bordered(random_cluster(rng, 2, 2, 2000.0)) for _ in range(2)])
+    alone = arrays[1:].copy()
+    scale(alone)
+    arrays[0, 0, 0] = value
+    scale(arrays)
+    assert (arrays[0].ravel()[:-1] == -np.inf).all()
+    np.testing.assert_array_equal(arrays[1], alone[0])

@@ -1,0 +1,551 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from gda_tracker.association.associate import AssociationParameters, Associator
+from gda_tracker.association.choices import (
+    DECISIONS,
+    ENGINES,
+    LOOPY_BELIEF_PROPAGATION,
+    SUBSET_DYNAMIC_PROGRAMMING,
+)
+from gda_tracker.association.errors import AssociationInputError, PairListMismatch
+from gda_tracker.association.joint import joint_marginals
+from gda_tracker.parameters import ParameterError, from_mapping, specifications
+
+examples = settings(derandomize=True, deadline=None, max_examples=50)
+associate = Associator(AssociationParameters())
+TERMS = ("none", "dsm_classic", "bayes")
+FAR = -np.inf
+
+
+def random_stage(make_stage_input, seed, **settings):
+    rng = np.random.default_rng(seed)
+    h, n = rng.integers(1, 6, 2)
+    log_g = np.where(rng.random((h, n)) < 0.6, rng.normal(-9.0, 1.5, (h, n)), FAR)
+    settings.setdefault("distance", rng.uniform(0.05, 1.2, (h, n)))
+    if settings.get("attribute_term", "none") != "none":
+        settings.setdefault("attribute_log_likelihood", rng.normal(size=(h, n)))
+        settings.setdefault("clutter_log_likelihood", rng.normal(size=n))
+    return log_g, make_stage_input(log_g, **settings)
+
+
+def assert_consistent(found, h, n):
+    """What holds for every answer of the stage."""
+    p = len(found.hypothesis)
+    for name in ("p_kinematic", "p_attribute", "p_generalised", "joint_marginal"):
+        values = getattr(found, name)
+        assert values.shape == (p,)
+        assert ((values >= 0.0) & (values <= 1.0 + 1e-12)).all()
+    np.testing.assert_array_equal(found.p_generalised, found.p_kinematic * found.p_attribute)
+    assert found.assigned_detection.shape == (h,)
+    assigned = found.assigned_detection
+    used = assigned[assigned >= 0]
+    assert len(set(used.tolist())) == len(used)
+    assert used.max(initial=-1) < n
+    np.testing.assert_array_equal(found.chosen, assigned[found.hypothesis] == found.detection)
+    assert found.chosen.sum() == len(used)
+    assert len(found.cluster_engine) == found.cluster.max(initial=-1) + 1
+    assert (found.cluster_engine < len(found.engine_names)).all()
+
+
+@pytest.mark.parametrize("decision", DECISIONS)
+@pytest.mark.parametrize("attribute_term", TERMS)
+@examples
+@given(st.integers(0, 2**32))
+def test_answers_are_consistent(make_stage_input, decision, attribute_term, seed):
+    log_g, stage = random_stage(
+        make_stage_input, seed, decision=decision, attribute_term=attribute_term
+    )
+    assert_consistent(associate(*stage), *log_g.shape)
+
+
+@examples
+@given(st.integers(0, 2**32))
+def test_p_k_and_joint_marginal_are_those_of_the_whole_scan(make_stage_input, seed):
+    # Clusters are independent: the marginals of the undivided scan are the same.
+    p_d, beta = 0.9, 1e-5
+    log_g, stage = random_stage(
+        make_stage_input,
+        seed,
+        attribute_term="dsm_classic",
+        detection_probability=p_d,
+        clutter_density=beta,
+    )
+    _, _, scores, pairs = stage
+    h, n = log_g.shape
+    found = associate(*stage)
+    idle_track = np.full(h, np.log(1 - p_d))
+    place = pairs.hypothesis, pairs.detection
+    whole = joint_marginals(np.log(p_d) + log_g, idle_track, np.full(n, np.log(beta)))
+    np.testing.assert_allclose(found.p_kinematic, whole[place], rtol=0, atol=1e-12)
+    log_l = np.zeros((h, n))
+    log_l[place] = scores.log_likelihood
+    whole = joint_marginals(
+        np.log(p_d) + log_g + log_l, idle_track, np.log(beta) + scores.clutter_log_likelihood
+    )
+    np.testing.assert_allclose(found.joint_marginal, whole[place], rtol=0, atol=1e-12)
+
+
+class TestTerms:
+    log_g = np.array([[-8.0, -8.2], [-8.1, -8.3]])
+    distance = np.array([[0.9, 0.2], [0.1, 0.8]])
+    log_l = np.array([[-3.0, 0.0], [0.0, -3.0]])
+
+    def test_gda_with_distance(self, make_stage_input):
+        found = associate(
+            *make_stage_input(self.log_g, attribute_term="dsm_classic", distance=self.distance)
+        )
+        straight = 0.9 * 0.8 / (0.9 * 0.8 + 0.2 * 0.1)
+        np.testing.assert_allclose(
+            found.p_attribute, [1 - straight, straight, straight, 1 - straight], rtol=1e-12
+        )
+        assert found.assigned_detection.tolist() == [1, 0]
+        assert found.attribute_term == "dsm_classic"
+        assert not found.degraded
+        # Without a likelihood the joint marginal is that of the kinematics.
+        np.testing.assert_array_equal(found.joint_marginal, found.p_kinematic)
+
+    def test_reading_of_missed_tracks_comes_from_the_settings(self, make_stage_input):
+        by_reading = [
+            associate(
+                *make_stage_input(
+                    self.log_g,
+                    attribute_term="dsm_classic",
+                    distance=self.distance,
+                    missed_track_hypotheses=reading,
+                )
+            ).p_attribute
+            for reading in ("zero", "table_14_3")
+        ]
+        assert np.abs(by_reading[0] - by_reading[1]).min() > 0.01
+
+    def test_gda_with_none(self, make_stage_input):
+        found = associate(*make_stage_input(self.log_g))
+        assert (found.p_attribute == 1.0).all()
+        np.testing.assert_array_equal(found.p_generalised, found.p_kinematic)
+        assert found.assigned_detection.tolist() == [0, 1]
+
+    def test_gda_with_bayes_takes_p_k_of_the_joint_likelihood(self, make_stage_input):
+        found = associate(
+            *make_stage_input(
+                self.log_g, attribute_term="bayes", attribute_log_likelihood=self.log_l
+            )
+        )
+        np.testing.assert_array_equal(found.p_kinematic, found.joint_marginal)
+        assert (found.p_attribute == 1.0).all()
+        assert found.assigned_detection.tolist() == [1, 0]
+        np.testing.assert_array_equal(found.attribute_log_likelihood, self.log_l.ravel())
+
+    @pytest.mark.parametrize("attribute_term", ["bayes", "dsm_classic"])
+    def test_map_takes_the_likelihood_of_any_term(self, make_stage_input, attribute_term):
+        found = associate(
+            *make_stage_input(
+                self.log_g,
+                decision="map",
+                attribute_term=attribute_term,
+                distance=self.distance.T,  # speaks against the likelihood, and is not asked
+                attribute_log_likelihood=self.log_l,
+            )
+        )
+        assert found.assigned_detection.tolist() == [1, 0]
+        assert (found.p_attribute == 1.0).all()
+        assert (found.joint_marginal != found.p_kinematic).all()
+
+    def test_map_leaves_to_clutter_what_clutter_explains(self, make_stage_input):
+        found = associate(
+            *make_stage_input(
+                [[-9.0]],
+                decision="map",
+                attribute_term="bayes",
+                attribute_log_likelihood=[[-7.0]],
+                clutter_log_likelihood=[1.0],
+            )
+        )
+        assert found.assigned_detection.tolist() == [-1]
+        kinematic = associate(*make_stage_input([[-9.0]], decision="map"))
+        assert kinematic.assigned_detection.tolist() == [0]
+
+
+@examples
+@given(st.integers(0, 2**32), st.sampled_from(TERMS))
+def test_map_is_the_best_joint_hypothesis(make_stage_input, brute_force, seed, attribute_term):
+    p_d, beta = 0.8, 3e-5
+    log_g, stage = random_stage(
+        make_stage_input,
+        seed,
+        decision="map",
+        attribute_term=attribute_term,
+        detection_probability=p_d,
+        clutter_density=beta,
+    )
+    _, _, scores, pairs = stage
+    h, n = log_g.shape
+    assume(h * n <= 16)  # enumeration takes long
+    log_l = np.zeros((h, n))
+    log_l[pairs.hypothesis, pairs.detection] = scores.log_likelihood
+    expected = brute_force(
+        np.log(p_d) + log_g + log_l,
+        np.full(h, np.log(1 - p_d)),
+        np.log(beta) + scores.clutter_log_likelihood,
+    )
+    assigned = tuple(associate(*stage).assigned_detection.tolist())
+    weight = expected.log_weights[expected.hypotheses.index(assigned)]
+    assert weight == pytest.approx(expected.best, abs=1e-9)
+
+
+@pytest.mark.parametrize("decision", DECISIONS)
+@pytest.mark.parametrize("attribute_term", TERMS)
+@examples
+@given(st.integers(0, 2**32))
+def test_the_order_of_hypotheses_and_detections_does_not_matter(
+    make_stage_input, decision, attribute_term, seed
+):
+    rng = np.random.default_rng(seed)
+    h, n = rng.integers(1, 6, 2)
+    log_g = np.where(rng.random((h, n)) < 0.6, rng.normal(-9.0, 1.5, (h, n)), FAR)
+    distance, log_l = rng.uniform(0.05, 1.2, (h, n)), rng.normal(size=(h, n))
+    clutter, informative = rng.normal(size=n), rng.random(n) < 0.7
+    if attribute_term == "none":
+        log_l, clutter = 0.0 * log_l, 0.0 * clutter
+    rows, columns = rng.permutation(h), rng.permutation(n)
+
+    def answer(rows, columns):
+        found = associate(
+            *make_stage_input(
+                log_g[np.ix_(rows, columns)],
+                decision=decision,
+                attribute_term=attribute_term,
+                distance=distance[np.ix_(rows, columns)],
+                attribute_log_likelihood=log_l[np.ix_(rows, columns)],
+                clutter_log_likelihood=clutter[columns],
+                informative=informative[columns],
+            )
+        )
+        place = rows[found.hypothesis], columns[found.detection]
+        matrices = np.full((3, h, n), np.nan)
+        for matrix, values in zip(
+            matrices, (found.p_generalised, found.joint_marginal, found.chosen), strict=True
+        ):
+            matrix[place] = values
+        return matrices
+
+    straight, permuted = answer(np.arange(h), np.arange(n)), answer(rows, columns)
+    np.testing.assert_allclose(permuted[:2], straight[:2], rtol=0, atol=1e-12)
+    # Two assignments may have the same sum of P_gen, e.g. where a P_a is 0; then either is right.
+    total = np.nansum(straight[0] * straight[2]), np.nansum(permuted[0] * permuted[2])
+    if decision == "gda":
+        assert total[0] == pytest.approx(total[1], abs=1e-12)
+    else:
+        np.testing.assert_array_equal(permuted[2], straight[2])
+
+
+@examples
+@given(st.integers(0, 2**32), st.sampled_from(DECISIONS), st.floats(-20.0, 20.0))
+def test_the_unit_of_rcs_changes_nothing(make_stage_input, seed, decision, log_unit):
+    log_g, stage = random_stage(make_stage_input, seed, decision=decision, attribute_term="bayes")
+    scan, predictions, scores, pairs = stage
+    other = dataclasses.replace(
+        scores,
+        log_likelihood=scores.log_likelihood + log_unit,
+        clutter_log_likelihood=scores.clutter_log_likelihood + log_unit,
+    )
+    found, again = associate(*stage), associate(scan, predictions, other, pairs)
+    np.testing.assert_allclose(again.p_generalised, found.p_generalised, rtol=0, atol=1e-11)
+    np.testing.assert_array_equal(again.assigned_detection, found.assigned_detection)
+
+
+@pytest.mark.parametrize("attribute_term", ["dsm_classic", "bayes"])
+@pytest.mark.parametrize("decision", DECISIONS)
+def test_unknown_rcs_leaves_the_decision_to_the_kinematics(
+    make_stage_input, decision, attribute_term
+):
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        log_g = rng.normal(-9.0, 1.5, (3, 4))
+        unknown = {"attribute_term": attribute_term, "informative": [False] * 4}
+        found = associate(*make_stage_input(log_g, decision=decision, **unknown))
+        alone = associate(*make_stage_input(log_g, decision=decision))
+        np.testing.assert_array_equal(found.assigned_detection, alone.assigned_detection)
+        np.testing.assert_array_equal(found.p_generalised, alone.p_generalised)
+
+
+@pytest.mark.parametrize("distance", [0.02, 0.5, 1.2])
+def test_one_unknown_rcs_neither_attracts_nor_repels(make_stage_input, distance):
+    # One track, one detection with and one without RCS. However the known one fits, the nearer one
+    # is taken, as without any attribute.
+    for log_g in ([[-8.0, -8.1]], [[-8.1, -8.0]]):
+        alone = associate(*make_stage_input(log_g))
+        found = associate(
+            *make_stage_input(
+                log_g,
+                attribute_term="dsm_classic",
+                distance=[[distance, 0.0]],
+                informative=[True, False],
+            )
+        )
+        np.testing.assert_array_equal(found.assigned_detection, alone.assigned_detection)
+        ratio = found.p_generalised / alone.p_generalised
+        assert ratio[0] == pytest.approx(ratio[1], rel=1e-12)
+
+
+def test_without_scores_the_answer_is_degraded_and_kinematic(make_stage_input):
+    log_g = [[-8.0, -9.0], [-8.5, -8.2]]
+    for decision in DECISIONS:
+        scan, predictions, _, pairs = make_stage_input(
+            log_g, decision=decision, attribute_term="dsm_classic", distance=np.eye(2)
+        )
+        found = associate(scan, predictions, None, pairs)
+        alone = associate(*make_stage_input(log_g, decision=decision))
+        assert found.degraded
+        assert found.attribute_term == "none"
+        assert (found.attribute_log_likelihood == 0.0).all()
+        np.testing.assert_array_equal(found.p_generalised, alone.p_generalised)
+        np.testing.assert_array_equal(found.assigned_detection, alone.assigned_detection)
+
+
+def test_detection_probability_is_per_hypothesis(make_stage_input):
+    found = associate(
+        *make_stage_input([[-9.0], [-9.0]], detection_probability=[0.95, 0.2], decision="map")
+    )
+    assert found.p_kinematic[0] > 10 * found.p_kinematic[1]
+    assert found.assigned_detection.tolist() == [0, -1]
+    never = associate(*make_stage_input([[-9.0], [-9.0]], detection_probability=[0.5, 0.0]))
+    assert never.p_kinematic[1] == 0.0
+
+
+@pytest.mark.parametrize("decision", DECISIONS)
+@pytest.mark.parametrize(
+    ("detection_probability", "clutter_density"), [(1.0, 0.0), (1.0, 1e-6), (0.9, 0.0)]
+)
+def test_certain_detection_and_no_clutter_have_an_answer(
+    make_stage_input, decision, detection_probability, clutter_density
+):
+    rng = np.random.default_rng(3)
+    for h, n in ((1, 1), (1, 3), (3, 1), (2, 4), (4, 2), (3, 3)):
+        log_g = rng.normal(-9.0, 1.0, (h, n))
+        found = associate(
+            *make_stage_input(
+                log_g,
+                decision=decision,
+                detection_probability=detection_probability,
+                clutter_density=clutter_density,
+            )
+        )
+        assert_consistent(found, h, n)
+        assert found.chosen.sum() == min(h, n)
+
+
+@pytest.mark.parametrize("decision", DECISIONS)
+@pytest.mark.parametrize("shape", [(0, 0), (0, 3), (2, 0), (2, 3)])
+def test_nothing_gated(make_stage_input, decision, shape):
+    stage = make_stage_input(np.full(shape, FAR), decision=decision, attribute_term="dsm_classic")
+    for scores in (stage[2], None):
+        found = associate(stage[0], stage[1], scores, stage[3])
+        assert_consistent(found, *shape)
+        assert (found.assigned_detection == -1).all()
+        assert len(found.cluster_engine) == len(found.cluster_converged) == 0
+
+
+def big_stage(make_stage_input, **settings):
+    """Chain of 14 tracks, one cluster, beside a pair of its own."""
+    log_g = np.full((15, 16), FAR)
+    rng = np.random.default_rng(2)
+    for i in range(14):
+        log_g[i, i : i + 2] = rng.normal(-9.0, 1.0, 2)
+    log_g[14, 15] = -9.0
+    return make_stage_input(log_g, **settings)
+
+
+@pytest.mark.parametrize("attribute_term", TERMS)
+def test_large_clusters_say_which_engine_answered(make_stage_input, attribute_term):
+    rng = np.random.default_rng(4)
+    stage = big_stage(
+        make_stage_input,
+        attribute_term=attribute_term,
+        distance=rng.uniform(0.1, 1.0, (15, 16)),
+        attribute_log_likelihood=0.1 * rng.normal(size=(15, 16)),
+    )
+    approximate = associate(*stage)
+    names = [approximate.engine_names[index] for index in approximate.cluster_engine]
+    assert names == [LOOPY_BELIEF_PROPAGATION, SUBSET_DYNAMIC_PROGRAMMING]
+    assert approximate.cluster_converged.all()
+    exact = Associator(AssociationParameters(max_exact_size=14))(*stage)
+    assert (exact.cluster_engine == ENGINES.index(SUBSET_DYNAMIC_PROGRAMMING)).all()
+    # The chain has no cycle: loopy belief propagation is exact there.
+    np.testing.assert_allclose(approximate.p_generalised, exact.p_generalised, rtol=0, atol=1e-3)
+    np.testing.assert_array_equal(approximate.assigned_detection, exact.assigned_detection)
+
+
+def test_an_engine_that_does_not_settle_says_so(make_stage_input):
+    stage = big_stage(make_stage_input)
+    found = Associator(AssociationParameters(belief_propagation_iterations=1))(*stage)
+    assert found.cluster_converged.tolist() == [False, True]
+
+
+def test_max_exact_size_of_one_is_obeyed(make_stage_input):
+    log_g = np.full((3, 3), FAR)
+    log_g[:2, :2], log_g[2, 2] = -9.0, -9.0
+    found = Associator(AssociationParameters(max_exact_size=1))(*make_stage_input(log_g))
+    assert found.cluster_engine.tolist() == [
+        ENGINES.index(LOOPY_BELIEF_PROPAGATION),
+        ENGINES.index(SUBSET_DYNAMIC_PROGRAMMING),
+    ]
+
+
+@pytest.mark.parametrize("change", ["shorter", "other detection", "other hypothesis", "wider"])
+def test_scores_for_other_pairs_are_refused(make_stage_input, change):
+    scan, predictions, scores, pairs = make_stage_input(
+        np.full((2, 3), -9.0), attribute_term="dsm_classic", distance=np.ones((2, 3))
+    )
+    if change == "shorter":
+        scores.hypothesis, scores.detection = scores.hypothesis[:-1], scores.detection[:-1]
+    elif change == "other detection":
+        scores.detection[0] = 2
+    elif change == "other hypothesis":
+        scores.hypothesis[0] = 1
+    else:  # the same numbers in another type are the same pairs
+        scores.hypothesis = scores.hypothesis.astype(np.int64)
+        assert_consistent(associate(scan, predictions, scores, pairs), 2, 3)
+        return
+    with pytest.raises(PairListMismatch, match="the gate 6"):
+        associate(scan, predictions, scores, pairs)
+
+
+def spoiled(stage, name, value):
+    scan, predictions, scores, pairs = stage
+    if name == "kinematic":
+        pairs.log_likelihood[0] = value
+    elif name == "detection_probability":
+        predictions.detection_probability[0] = value
+    else:
+        getattr(scores, name)[0] = value
+    return scan, predictions, scores, pairs
+
+
+@pytest.mark.parametrize("h", [1, 3])
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("kinematic", np.nan, "kinematic log likelihood nan"),
+        ("kinematic", np.inf, "kinematic log likelihood inf"),
+        ("log_likelihood", np.nan, "attribute log likelihood nan"),
+        ("log_likelihood", np.inf, "attribute log likelihood inf"),
+        ("clutter_log_likelihood", np.nan, "clutter log likelihood nan"),
+        ("clutter_log_likelihood", np.inf, "clutter log likelihood inf"),
+        ("distance", np.nan, "attribute distance nan"),
+        ("distance", -0.5, "attribute distance -0.5"),
+        ("distance", np.inf, "attribute distance inf"),
+        ("detection_probability", 1.5, "detection probability 1.5"),
+        ("detection_probability", np.nan, "detection probability nan"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_values_without_meaning_are_named(make_stage_input, h, name, value, message):
+    stage = make_stage_input(
+        np.full((h, 3), -9.0), attribute_term="dsm_classic", distance=np.ones((h, 3))
+    )
+    for limits in (AssociationParameters(), AssociationParameters(max_exact_size=1)):
+        with pytest.raises(AssociationInputError, match=message):
+            Associator(limits)(*spoiled(stage, name, value))
+
+
+@pytest.mark.filterwarnings("error")
+def test_impossible_attributes_have_an_answer(make_stage_input):
+    # A density of zero, as histograms have in empty bins: for one pair, a whole detection, clutter.
+    log_l = np.zeros((2, 3))
+    log_l[0, 0] = FAR
+    log_l[:, 1] = FAR
+    for decision in DECISIONS:
+        found = associate(
+            *make_stage_input(
+                np.full((2, 3), -9.0),
+                decision=decision,
+                attribute_term="bayes",
+                attribute_log_likelihood=log_l,
+                clutter_log_likelihood=[0.0, FAR, 0.0],
+            )
+        )
+        assert_consistent(found, 2, 3)
+        assert (found.joint_marginal[[0, 1, 4]] == 0.0).all()
+        assert not found.chosen[[0, 1, 4]].any() or decision == "gda"
+        np.testing.assert_allclose(
+            found.joint_marginal.reshape(2, 3)[1, [0, 2]].sum(), 0.9, atol=0.1
+        )
+
+
+def test_scores_of_another_term_or_size_are_refused(make_stage_input):
+    stage = make_stage_input(np.full((2, 2), -9.0), attribute_term="bayes")
+    stage[2].attribute_term = "dempster"
+    with pytest.raises(AssociationInputError, match="'dempster'.*'bayes'"):
+        associate(*stage)
+    stage = make_stage_input(np.full((2, 2), -9.0), attribute_term="bayes")
+    stage[2].clutter_log_likelihood = np.zeros(3)
+    with pytest.raises(AssociationInputError, match=r"clutter_log_likelihood has shape \(3,\)"):
+        associate(*stage)
+
+
+def test_unknown_decision_is_refused(make_stage_input):
+    with pytest.raises(AssociationInputError, match="'jpda'.*gda, map"):
+        associate(*make_stage_input([[-9.0]], decision="jpda"))
+
+
+def test_the_same_input_gives_the_same_bits(make_stage_input):
+    _, stage = random_stage(make_stage_input, 17, attribute_term="dsm_classic")
+    one, two = associate(*stage), Associator(AssociationParameters())(*stage)
+    for field in dataclasses.fields(one):
+        first, second = getattr(one, field.name), getattr(two, field.name)
+        if isinstance(first, np.ndarray):
+            assert first.tobytes() == second.tobytes()
+        else:
+            assert first == second
+
+
+def test_inputs_are_not_changed(make_stage_input):
+    _, stage = random_stage(make_stage_input, 23, attribute_term="dsm_classic")
+    before = [
+        {name: value.copy() for name, value in vars_of(part) if isinstance(value, np.ndarray)}
+        for part in stage
+    ]
+    associate(*stage)
+    for part, values in zip(stage, before, strict=True):
+        for name, value in values.items():
+            np.testing.assert_array_equal(getattr(part, name), value)
+
+
+def vars_of(part):
+    return [(field.name, getattr(part, field.name)) for field in dataclasses.fields(part)]
+
+
+def test_ties_have_one_answer(make_stage_input):
+    stage = make_stage_input(np.full((3, 3), -9.0))
+    assigned = associate(*stage).assigned_detection
+    for _ in range(3):
+        np.testing.assert_array_equal(associate(*stage).assigned_detection, assigned)
+    assert sorted(assigned.tolist()) == [0, 1, 2]
+
+
+def test_a_hundred_tracks(make_stage_input):
+    rng = np.random.default_rng(9)
+    log_g = np.full((100, 130), FAR)
+    log_g[np.arange(100), np.arange(100)] = rng.normal(-9.0, 1.0, 100)
+    crowded = rng.random(99) < 0.2
+    log_g[np.arange(99)[crowded], np.arange(1, 100)[crowded]] = -9.5
+    found = associate(*make_stage_input(log_g))
+    assert_consistent(found, 100, 130)
+    np.testing.assert_array_equal(found.assigned_detection, np.arange(100))
+
+
+def test_parameters_are_declared():
+    assert set(specifications(AssociationParameters)) == {
+        "max_exact_size",
+        "belief_propagation_iterations",
+        "belief_propagation_tolerance",
+    }
+    with pytest.raises(ParameterError, match="max_exact_size = 21"):
+        from_mapping(AssociationParameters, {"max_exact_size": 21})
