@@ -26,11 +26,11 @@ from gda_tracker.io.messages import (
     tracks_from_message,
     tracks_to_message,
 )
-from gda_tracker.nodes.base import RingNode, spin_node
+from gda_tracker.nodes.base import STAGE_ERRORS, RingNode, spin_node
 from gda_tracker.nodes.qualities import latched, sensor, stream
 from gda_tracker.parameters import ParameterError
 from gda_tracker.tracking import checkpoint
-from gda_tracker.tracking.manager import Inconsistent, TrackManager
+from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 from gda_tracker.vocabulary.tracks import Tracks
@@ -205,10 +205,10 @@ class TrackManagerNode(RingNode):
             tracks, report = self.manager.close(
                 self._answers.get("evidence"), self._answers.get("attribute_scores"), associations
             )
-        except Inconsistent as error:
-            # Nothing has changed; the watchdog asks the stages again.
+        except STAGE_ERRORS as error:
+            # Inconsistent, or worse. Nothing has changed; the watchdog asks the stages again.
             self._answers.clear()
-            self.drop("inconsistent_answer", str(error))
+            self.drop("inconsistent_answer", f"{type(error).__name__}: {error}")
             return
         self._closed(tracks, report, opened.admitted_at)
 

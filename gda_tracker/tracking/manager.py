@@ -19,20 +19,18 @@ import numpy as np
 from gda_tracker.kinematics.gaussian_filters import predict, update
 from gda_tracker.kinematics.motion_models import constant_velocity
 from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
-from gda_tracker.tracking.door import DefaultNoise, Rejected, WaitingRoom, validate
+from gda_tracker.tracking.answers import Inconsistent, check_answers
+from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
 from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
 from gda_tracker.tracking.initiation import NewTracks, StartPoints, start_tracks
 from gda_tracker.tracking.lifecycle import confirmed, ended
 from gda_tracker.tracking.parameters import TrackManagerParameters
-from gda_tracker.vocabulary.arrays import FloatArray, IntArray
+from gda_tracker.tracking.waiting_room import WaitingRoom
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations, AssociationSettings, Predictions
 from gda_tracker.vocabulary.scans import Detections, Scan, ScanKey, ScanReport
 from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE, Tracks
-
-
-class Inconsistent(ValueError):
-    """A stage's answer does not fit the open scan; the message says what is wrong."""
 
 
 @dataclass(slots=True)
@@ -58,6 +56,7 @@ class ManagerState:
     next_track_id: int = 1
     next_hypothesis_id: int = 1
     last_ns: int | None = None
+    last_sensors: tuple[str, ...] = ()
     last_key: ScanKey | None = None
     last_report: ScanReport | None = None
     deleted_track_id: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
@@ -112,7 +111,7 @@ class TrackManager:
             scan, counts = validate(
                 detections, noise, p.tracking_frame, p.max_detections_per_scan, self.epoch
             )
-            generation = self._room.check_time(*key[1:], p.time_jump_s)
+            generation = self._room.check_time(scan.key, p.time_jump_s)
         except Rejected as rejection:
             reason = str(rejection)
             self.counters[f"rejected_{reason}"] += 1
@@ -120,12 +119,12 @@ class TrackManager:
                 key,
                 "rejected",
                 reason=reason,
-                detections_received=len(detections.range_m),
+                detections_received=received(detections),
                 queue_length=len(self._room),
             )
         for reason, count in counts.items():
             self.counters[reason] += count
-        self._room.put(scan, generation, now, len(detections.range_m), counts)
+        self._room.put(scan, generation, now, received(detections), counts)
         return None
 
     @property
@@ -194,29 +193,39 @@ class TrackManager:
             next_track_id=state.next_track_id + n,
             next_hypothesis_id=state.next_hypothesis_id + n,
             last_ns=initial.key.stamp_ns,
+            last_sensors=(initial.key.sensor_id,),
             initialised_from=identity,
             scans_closed=state.scans_closed,
         )
-        self._room = WaitingRoom()
-        self._generation = 0
-        self._room.newest_ns = initial.key.stamp_ns
-        self._room.opened = (initial.key.stamp_ns, initial.key.sensor_id)
+        waiting, self._room, self._generation = self._room, WaitingRoom(), 0
+        self._room.begin(initial.key.stamp_ns, self.state.last_sensors)
+        left = len(waiting)
+        if state.initialised_from is None:
+            # These have waited for the tracks; later on they are another run's.
+            left = self._room.move_in(waiting)
+        if left:
+            self.counters["dropped_at_initialisation"] += left
         return report
 
     def resume(self) -> None:
         """Take up the time axis where a restored state left it."""
         state = self.state
         self._room, self._generation, self.opened = WaitingRoom(), 0, None
-        if state.last_key is not None:
-            self._room.newest_ns = state.last_key.stamp_ns
-            self._room.opened = (state.last_key.stamp_ns, state.last_key.sensor_id)
-        elif state.last_ns is not None:
-            self._room.newest_ns = state.last_ns
+        if state.last_ns is not None:
+            self._room.begin(state.last_ns, state.last_sensors)
 
     # --- one scan ---------------------------------------------------------------------------------
 
     def open(self) -> OpenScan:
-        """Open the earliest waiting scan: predict every hypothesis to its time."""
+        """Open the earliest waiting scan: predict every hypothesis to its time.
+
+        Raises
+        ------
+        Inconsistent
+            If a scan is open already, none waits, or the initial tracks have not come.
+        """
+        if not self.ready:
+            raise Inconsistent("no scan is ready to be opened")
         self._apply_parameters()
         waiting = self._room.take()
         state, p = self.state, self.parameters
@@ -283,9 +292,14 @@ class TrackManager:
             If an answer does not fit the open scan; nothing has changed then.
         """
         opened = self._require_open()
-        self._check(opened, evidence, scores, associations)
+        check_answers(
+            opened.scan.key, len(opened.table), len(opened.scan), evidence, scores, associations
+        )
+        if opened.predictions.settings.attribute_term == "none":
+            # The attribute was not asked: tracks carry no belief about it.
+            evidence = scores = None
         table = replace(opened.table)
-        assigned = associations.assigned_detection.astype(np.int64)
+        assigned = associations.assigned_detection
         hit = assigned >= 0
         self._update_states(opened.scan, table, hit, assigned)
         if evidence is not None:
@@ -338,36 +352,8 @@ class TrackManager:
             raise Inconsistent("no scan is open")
         return self.opened
 
-    def _check(
-        self,
-        opened: OpenScan,
-        evidence: Evidence | None,
-        scores: AttributeScores | None,
-        associations: Associations,
-    ) -> None:
-        """Refuse answers that do not fit the open scan."""
-        h, n = len(opened.table), len(opened.scan)
-        for answer in (evidence, scores, associations):
-            if answer is not None and answer.key != opened.scan.key:
-                raise Inconsistent("key is not the open scan's")
-        assigned = associations.assigned_detection
-        if assigned.shape != (h,):
-            raise Inconsistent("associations: one assigned detection per hypothesis expected")
-        if h and not (-1 <= assigned.min() and assigned.max() < n):
-            raise Inconsistent("associations: assigned detection out of range")
-        taken = assigned[assigned >= 0]
-        if len(np.unique(taken)) != len(taken):
-            raise Inconsistent("associations: a detection is assigned twice")
-        if evidence is not None and len(evidence.masses) != n:
-            raise Inconsistent("evidence: one row per detection expected")
-        if scores is not None and not (
-            np.array_equal(scores.hypothesis, associations.hypothesis)
-            and np.array_equal(scores.detection, associations.detection)
-        ):
-            raise Inconsistent("attribute scores: pair list differs from the associations'")
-
     def _update_states(
-        self, scan: Scan, table: HypothesisTable, hit: np.ndarray, assigned: IntArray
+        self, scan: Scan, table: HypothesisTable, hit: np.ndarray, assigned: Int32Array
     ) -> None:
         rows = np.flatnonzero(hit)
         if not len(rows):
@@ -503,8 +489,10 @@ class TrackManager:
     ) -> tuple[Tracks, ScanReport]:
         state = self.state
         state.table, state.points = table, points
-        state.last_key = opened.scan.key
-        state.last_ns = opened.scan.key.stamp_ns
+        key = opened.scan.key
+        others = state.last_sensors if key.stamp_ns == state.last_ns else ()
+        state.last_sensors = (*others, key.sensor_id)
+        state.last_key, state.last_ns = key, key.stamp_ns
         state.deleted_track_id = deleted
         state.degraded = outcome != "tracked"
         state.scans_closed += 1
