@@ -1,4 +1,4 @@
-"""The door: validates, orders and de-duplicates what sensors send.
+"""The door: validates what sensors send.
 
 Nothing that is refused here changes anything but a counter. A fault of the whole scan rejects the
 scan; a fault of one detection leaves that detection out; a fault of an attribute makes it unknown.
@@ -6,11 +6,10 @@ scan; a fault of one detection leaves that detection out; a fault of an attribut
 
 from __future__ import annotations
 
-import heapq
-import itertools
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,14 @@ from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 from gda_tracker.vocabulary.scans import IDENTITY_QUATERNION, Detections, Scan, ScanKey
 
 LARGEST_STAMP_NS = 2**63 - 1
+# What lies beyond is no measurement, and its squares would spoil the arithmetic.
+LARGEST_RANGE_M = 1e9
+LARGEST_TIME_OFFSET_S = 60.0
+SMALLEST_VARIANCE, LARGEST_VARIANCE = 1e-18, 1e18
+# Least determinant of a correlation matrix that counts as positive definite.
+SMALLEST_MINOR = 1e-12
+
+OPTIONAL_QUANTITIES = ("elevation_rad", "range_rate_mps", "rcs_m2", "time_offset_s")
 
 
 class Rejected(ValueError):
@@ -43,78 +50,101 @@ def validate(
     -------
     scan, counts
         The scan with the valid detections in the source's order, and how many detections were left
-        out or mended, by reason: ``not_finite``, ``negative_range``, ``zero_range``, ``bad_noise``
-        (left out), ``azimuth_wrapped``, ``rcs_not_finite``, ``rcs_negative`` (mended).
+        out or mended, by reason: ``not_finite``, ``negative_range``, ``zero_range``,
+        ``range_too_large``, ``time_offset_too_large``, ``bad_noise`` (left out),
+        ``azimuth_wrapped``, ``rcs_not_finite``, ``rcs_negative`` (mended).
 
     Raises
     ------
     Rejected
         ``missing_sensor_id``, ``stamp_out_of_range``, ``too_many_detections``,
-        ``array_length_mismatch`` or ``bad_sensor_pose``.
+        ``malformed_array``, ``array_length_mismatch`` or ``bad_sensor_pose``.
     """
-    n = len(detections.range_m)
-    if not detections.sensor_id:
+    if not isinstance(detections.sensor_id, str) or not detections.sensor_id:
         raise Rejected("missing_sensor_id")
-    if not 0 <= detections.stamp_ns <= LARGEST_STAMP_NS:
+    stamp_ns = detections.stamp_ns
+    if not isinstance(stamp_ns, int | np.integer) or not 0 <= stamp_ns <= LARGEST_STAMP_NS:
         raise Rejected("stamp_out_of_range")
-    if n > limit:
+    if received(detections) > limit:
         raise Rejected("too_many_detections")
-    for name in (
-        "azimuth_rad",
-        "elevation_rad",
-        "range_rate_mps",
-        "rcs_m2",
-        "rcs_valid",
-        "time_offset_s",
-    ):
-        values = getattr(detections, name)
-        if values is not None and np.shape(values) != (n,):
-            raise Rejected("array_length_mismatch")
     position, orientation = _pose(detections)
-    counts: Counter[str] = Counter()
+    range_m = _numbers(detections.range_m)
+    n = len(range_m)
+    azimuth = _column(detections.azimuth_rad, n)
+    optional = {name: _optional(getattr(detections, name), n) for name in OPTIONAL_QUANTITIES}
+    elevation, range_rate, rcs, offset = optional.values()
+    measured = [q for q in (range_m, azimuth, elevation, range_rate) if q is not None]
 
-    quantities = [detections.range_m, detections.azimuth_rad]
-    quantities += [
-        q for q in (detections.elevation_rad, detections.range_rate_mps) if q is not None
-    ]
-    offsets = detections.time_offset_s
+    counts: Counter[str] = Counter()
     keep = np.ones(n, dtype=bool)
-    finite = np.logical_and.reduce([np.isfinite(q) for q in quantities])
-    if offsets is not None:
-        finite &= np.isfinite(offsets)
+    needed = measured if offset is None else [*measured, offset]
+    finite = np.logical_and.reduce([np.isfinite(q) for q in needed])
     _leave_out(keep, ~finite, "not_finite", counts)
-    _leave_out(keep, detections.range_m < 0.0, "negative_range", counts)
-    _leave_out(keep, detections.range_m == 0.0, "zero_range", counts)
-    covariance = _noise_covariance(detections, noise, n)
-    _leave_out(keep, ~_positive_definite(covariance), "bad_noise", counts)
+    _leave_out(keep, range_m < 0.0, "negative_range", counts)
+    _leave_out(keep, range_m == 0.0, "zero_range", counts)
+    _leave_out(keep, range_m > LARGEST_RANGE_M, "range_too_large", counts)
+    if offset is not None:
+        too_far = np.abs(offset) > LARGEST_TIME_OFFSET_S
+        _leave_out(keep, too_far, "time_offset_too_large", counts)
+    if detections.covariance is None:
+        covariance, good = _from_deviations(detections, noise, n)
+    else:
+        covariance, good = _given_covariance(detections.covariance, n, len(measured))
+    _leave_out(keep, ~good, "bad_noise", counts)
 
     rows = np.flatnonzero(keep)
-    azimuth = detections.azimuth_rad[rows]
+    azimuth = azimuth[rows]
     beyond = np.abs(azimuth) > math.pi
     if beyond.any():
         counts["azimuth_wrapped"] += int(np.count_nonzero(beyond))
-        azimuth = np.where(beyond, -((-azimuth + math.pi) % (2.0 * math.pi) - math.pi), azimuth)
-    rcs, known = _radar_cross_section(detections, rows, counts)
-
-    def chosen(values: FloatArray | None) -> FloatArray | None:
-        return None if values is None else np.asarray(values, dtype=np.float64)[rows]
-
+        azimuth[beyond] = math.pi - (math.pi - azimuth[beyond]) % (2.0 * math.pi)
+    rcs, known = _radar_cross_section(rcs, detections.rcs_valid, rows, n, counts)
     scan = Scan(
-        key=ScanKey(epoch, detections.sensor_id, detections.stamp_ns),
+        key=ScanKey(epoch, detections.sensor_id, int(stamp_ns)),
         frame_id=tracking_frame,
         sensor_position_m=position,
         sensor_orientation_xyzw=orientation,
         source_index=rows.astype(np.int32),
-        range_m=np.asarray(detections.range_m, dtype=np.float64)[rows],
+        range_m=range_m[rows],
         azimuth_rad=azimuth,
         noise_covariance=covariance[rows],
         rcs_m2=rcs,
         rcs_valid=known,
-        elevation_rad=chosen(detections.elevation_rad),
-        range_rate_mps=chosen(detections.range_rate_mps),
-        time_offset_s=chosen(offsets),
+        elevation_rad=None if elevation is None else elevation[rows],
+        range_rate_mps=None if range_rate is None else range_rate[rows],
+        time_offset_s=None if offset is None else offset[rows],
     )
     return scan, counts
+
+
+def received(detections: Detections) -> int:
+    """Number of detections that a source sent, whatever they are."""
+    try:
+        return len(detections.range_m)
+    except TypeError:
+        return 0
+
+
+def _numbers(values: Any) -> FloatArray:
+    """Float64 array of one dimension."""
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise Rejected("malformed_array") from None
+    if numbers.ndim != 1:
+        raise Rejected("malformed_array")
+    return numbers
+
+
+def _column(values: Any, n: int) -> FloatArray:
+    numbers = _numbers(values)
+    if len(numbers) != n:
+        raise Rejected("array_length_mismatch")
+    return numbers
+
+
+def _optional(values: Any, n: int) -> FloatArray | None:
+    return None if values is None else _column(values, n)
 
 
 def _leave_out(keep: BoolArray, bad: BoolArray, reason: str, counts: Counter[str]) -> None:
@@ -125,139 +155,102 @@ def _leave_out(keep: BoolArray, bad: BoolArray, reason: str, counts: Counter[str
 
 
 def _pose(detections: Detections) -> tuple[FloatArray, FloatArray]:
-    position = np.array(detections.sensor_position_m, dtype=np.float64)
-    orientation = np.array(detections.sensor_orientation_xyzw, dtype=np.float64)
+    """Position (3,) and unit quaternion (4,); a quaternion of zeros stands for no turn."""
+    try:
+        position = np.array(detections.sensor_position_m, dtype=np.float64)
+        orientation = np.array(detections.sensor_orientation_xyzw, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise Rejected("bad_sensor_pose") from None
     if position.shape != (3,) or orientation.shape != (4,):
         raise Rejected("bad_sensor_pose")
-    if not orientation.any():
-        orientation = np.array(IDENTITY_QUATERNION)
-    length = math.sqrt(float(orientation @ orientation))
-    if not np.isfinite(position).all() or not abs(length - 1.0) < 1e-3:
+    # NaN fails both comparisons.
+    if not np.abs(position).max() <= LARGEST_RANGE_M:
         raise Rejected("bad_sensor_pose")
-    return position, orientation
+    if not orientation.any():
+        return position, np.array(IDENTITY_QUATERNION)
+    length = math.hypot(*orientation)
+    if not abs(length - 1.0) < 1e-3:
+        raise Rejected("bad_sensor_pose")
+    return position, orientation / length
 
 
-def _noise_covariance(detections: Detections, noise: DefaultNoise, n: int) -> FloatArray:
-    """Noise covariance (n, d, d) from what the scan brings, else from the parameters."""
+def _from_deviations(
+    detections: Detections, noise: DefaultNoise, n: int
+) -> tuple[FloatArray, BoolArray]:
+    """Noise covariance (n, d, d) from standard deviations, and whether it is good."""
     sources = [
-        (detections.range_m, detections.range_std_m, noise.range_std_m),
-        (detections.azimuth_rad, detections.azimuth_std_rad, noise.azimuth_std_rad),
-        (detections.elevation_rad, detections.elevation_std_rad, noise.elevation_std_rad),
-        (detections.range_rate_mps, detections.range_rate_std_mps, noise.range_rate_std_mps),
+        (True, detections.range_std_m, noise.range_std_m),
+        (True, detections.azimuth_std_rad, noise.azimuth_std_rad),
+        (
+            detections.elevation_rad is not None,
+            detections.elevation_std_rad,
+            noise.elevation_std_rad,
+        ),
+        (
+            detections.range_rate_mps is not None,
+            detections.range_rate_std_mps,
+            noise.range_rate_std_mps,
+        ),
     ]
-    deviations = []
+    deviations: list[FloatArray | float] = []
     for measured, own, default in sources:
-        if own is not None and np.shape(own) not in ((n,), (1,)):
-            raise Rejected("array_length_mismatch")
-        if measured is not None:
-            deviations.append(default if own is None else np.asarray(own, dtype=np.float64))
-    d = len(deviations)
-    if detections.covariance is not None:
-        if np.shape(detections.covariance) != (n, d, d):
-            raise Rejected("array_length_mismatch")
-        return np.asarray(detections.covariance, dtype=np.float64)
-    covariance = np.zeros((n, d, d))
-    for i, deviation in enumerate(deviations):
-        # A negative deviation stays visible as a negative variance, which the next check refuses.
-        covariance[:, i, i] = deviation * np.abs(deviation)
-    return covariance
+        values: FloatArray | float = default
+        if own is not None:
+            values = _numbers(own)
+            if len(values) not in (n, 1):
+                raise Rejected("array_length_mismatch")
+        if measured:
+            deviations.append(values)
+    variance = np.empty((n, len(deviations)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for i, deviation in enumerate(deviations):
+            # A negative deviation stays visible as a negative variance.
+            variance[:, i] = deviation * np.abs(deviation)
+    covariance = np.zeros((n, len(deviations), len(deviations)))
+    diagonal = np.arange(len(deviations))
+    covariance[:, diagonal, diagonal] = variance
+    return covariance, _plausible(variance)
 
 
-def _positive_definite(covariance: FloatArray) -> BoolArray:
-    """Whether each (d, d) block is finite, symmetric and positive definite, by leading minors."""
-    n, d, _ = covariance.shape
-    good = np.isfinite(covariance).all(axis=(1, 2))
+def _given_covariance(values: Any, n: int, d: int) -> tuple[FloatArray, BoolArray]:
+    """Noise covariance (n, d, d) as it came, made symmetric, and whether it is good."""
+    try:
+        covariance = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise Rejected("malformed_array") from None
+    if covariance.shape != (n, d, d):
+        raise Rejected("array_length_mismatch")
+    good = np.logical_and.reduce(np.isfinite(covariance), axis=(1, 2))
     safe = np.where(good[:, None, None], covariance, np.eye(d))
-    good &= np.isclose(safe, safe.transpose(0, 2, 1), rtol=1e-6, atol=0.0).all(axis=(1, 2))
-    if d == 2:
-        determinant = safe[:, 0, 0] * safe[:, 1, 1] - safe[:, 0, 1] * safe[:, 1, 0]
-        return good & (safe[:, 0, 0] > 0.0) & (determinant > 0.0)
-    for size in range(1, d + 1):
-        good &= np.linalg.det(safe[:, :size, :size]) > 0.0
-    return good
+    variance = np.diagonal(safe, axis1=1, axis2=2)
+    good &= _plausible(variance)
+    scale = np.sqrt(np.where(good[:, None], variance, 1.0))
+    correlation = np.where(
+        good[:, None, None], safe / (scale[:, :, None] * scale[:, None, :]), np.eye(d)
+    )
+    transposed = correlation.transpose(0, 2, 1)
+    good &= (np.abs(correlation - transposed) <= 1e-6).all(axis=(1, 2))
+    for size in range(2, d + 1):
+        good &= np.linalg.det(correlation[:, :size, :size]) > SMALLEST_MINOR
+    return 0.5 * (covariance + covariance.transpose(0, 2, 1)), good
+
+
+def _plausible(variance: FloatArray) -> BoolArray:
+    """Whether the variances (n, d) of each row are all numbers to work with."""
+    inside = (variance >= SMALLEST_VARIANCE) & (variance <= LARGEST_VARIANCE)
+    return np.logical_and.reduce(inside, axis=1)
 
 
 def _radar_cross_section(
-    detections: Detections, rows: np.ndarray, counts: Counter[str]
+    values: FloatArray | None, valid: Any, rows: np.ndarray, n: int, counts: Counter[str]
 ) -> tuple[FloatArray, BoolArray]:
     """RCS [m2] with zeros where unknown, and whether it is known."""
-    if detections.rcs_m2 is None:
+    # NaN counts as not valid, like any number but 1.
+    flags = np.ones(n, dtype=bool) if valid is None else _column(valid, n) == 1.0
+    if values is None:
         return np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
-    rcs = np.array(detections.rcs_m2, dtype=np.float64)[rows]
-    if detections.rcs_valid is None:
-        known = np.ones(len(rows), dtype=bool)
-    else:
-        known = np.asarray(detections.rcs_valid, dtype=bool)[rows]
+    rcs, known = values[rows], flags[rows]
     _leave_out(known, ~np.isfinite(rcs), "rcs_not_finite", counts)
     _leave_out(known, rcs < 0.0, "rcs_negative", counts)
     rcs[~known] = 0.0
     return rcs, known
-
-
-@dataclass(slots=True, order=True)
-class _Waiting:
-    generation: int
-    stamp_ns: int
-    arrival: int
-    scan: Scan = field(compare=False)
-    admitted_at: float = field(compare=False)
-    received: int = field(compare=False)
-    counts: Counter[str] = field(compare=False)
-
-
-class WaitingRoom:
-    """A bounded queue of admitted scans in time order.
-
-    A stamp that lies ``time_jump_s`` or more before the newest admitted one starts a new
-    generation: the time axis was reset (a bag loops), and so will be the tracks. Less than that is
-    ``late``.
-    """
-
-    def __init__(self) -> None:
-        self._queue: list[_Waiting] = []
-        self._arrivals = itertools.count()
-        self.generation = 0
-        self.newest_ns: int | None = None
-        self.opened: tuple[int, str] | None = None
-
-    def __len__(self) -> int:
-        return len(self._queue)
-
-    def holds(self, sensor_id: str, stamp_ns: int) -> bool:
-        """Whether a scan of this sensor and stamp waits already."""
-        return any(
-            w.stamp_ns == stamp_ns and w.scan.key.sensor_id == sensor_id for w in self._queue
-        )
-
-    def check_time(self, sensor_id: str, stamp_ns: int, time_jump_s: float) -> int:
-        """Return the generation that the scan belongs to; raise ``Rejected('late')``."""
-        newest = self.newest_ns
-        if newest is not None and stamp_ns < newest - round(time_jump_s * 1e9):
-            return self.generation + 1
-        if self.opened is not None:
-            last_ns, last_sensor = self.opened
-            if stamp_ns < last_ns or (stamp_ns == last_ns and sensor_id == last_sensor):
-                raise Rejected("late")
-        return self.generation
-
-    def put(
-        self, scan: Scan, generation: int, admitted_at: float, received: int, counts: Counter[str]
-    ) -> None:
-        """Add a scan; its generation comes from :meth:`check_time`."""
-        if generation != self.generation:
-            self.generation, self.newest_ns, self.opened = generation, None, None
-        stamp_ns = scan.key.stamp_ns
-        self.newest_ns = stamp_ns if self.newest_ns is None else max(self.newest_ns, stamp_ns)
-        heapq.heappush(
-            self._queue,
-            _Waiting(
-                generation, stamp_ns, next(self._arrivals), scan, admitted_at, received, counts
-            ),
-        )
-
-    def take(self) -> _Waiting:
-        """Take the earliest scan out."""
-        waiting = heapq.heappop(self._queue)
-        if waiting.generation == self.generation:
-            self.opened = (waiting.stamp_ns, waiting.scan.key.sensor_id)
-        return waiting

@@ -1,0 +1,94 @@
+"""Whether the answers of the stages fit the open scan and each other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
+from gda_tracker.vocabulary.hypotheses import Associations
+from gda_tracker.vocabulary.scans import ScanKey
+
+
+class Inconsistent(ValueError):
+    """A stage's answer does not fit the open scan; the message says what is wrong."""
+
+
+def check_answers(
+    key: ScanKey,
+    n_hypotheses: int,
+    n_detections: int,
+    evidence: Evidence | None,
+    scores: AttributeScores | None,
+    associations: Associations,
+) -> None:
+    """Check all that the track manager is about to apply to its state.
+
+    Raises
+    ------
+    Inconsistent
+        If a key is not that of the open scan, a size or an index is wrong, a detection is assigned
+        twice, the chosen pairs are not the assigned ones, the pair lists of scores and associations
+        differ, or a belief is not finite.
+    """
+    for answer in (evidence, scores, associations):
+        if answer is not None and answer.key != key:
+            raise Inconsistent(f"key {tuple(answer.key)} is not the open scan's {tuple(key)}")
+    _check_associations(associations, n_hypotheses, n_detections)
+    if evidence is not None:
+        _check_beliefs("evidence", evidence, n_detections)
+    if scores is None:
+        return
+    if not (
+        np.array_equal(scores.hypothesis, associations.hypothesis)
+        and np.array_equal(scores.detection, associations.detection)
+    ):
+        raise Inconsistent("attribute scores: pair list differs from the associations'")
+    _check_beliefs("attribute scores", scores, len(scores.hypothesis))
+    if evidence is not None and (scores.frame, scores.class_names) != (
+        evidence.frame,
+        evidence.class_names,
+    ):
+        raise Inconsistent("attribute scores: frame or classes differ from the evidence's")
+
+
+def _check_associations(associations: Associations, n_hypotheses: int, n_detections: int) -> None:
+    assigned = associations.assigned_detection
+    if assigned.shape != (n_hypotheses,):
+        raise Inconsistent("associations: one assigned detection per hypothesis expected")
+    hypothesis, detection = associations.hypothesis, associations.detection
+    if not hypothesis.shape == detection.shape == associations.chosen.shape:
+        raise Inconsistent("associations: arrays of the pairs differ in length")
+    for name, rows, lowest, count in (
+        ("assigned detection", assigned, -1, n_detections),
+        ("hypothesis", hypothesis, 0, n_hypotheses),
+        ("detection", detection, 0, n_detections),
+    ):
+        if len(rows) and not (lowest <= rows.min() and rows.max() < count):
+            raise Inconsistent(f"associations: {name} out of range")
+    taken = assigned[assigned >= 0].tolist()
+    if len(set(taken)) != len(taken):
+        raise Inconsistent("associations: a detection is assigned twice")
+    chosen = np.flatnonzero(associations.chosen)
+    if len(chosen) != len(taken) or not np.array_equal(
+        assigned[hypothesis[chosen]], detection[chosen]
+    ):
+        raise Inconsistent("associations: the chosen pairs are not the assigned detections")
+
+
+def _check_beliefs(name: str, answer: Evidence | AttributeScores, rows: int) -> None:
+    """Check sizes and values of masses and class probabilities, (rows, F) and (rows, C)."""
+    sizes = (
+        ("masses", answer.masses, len(answer.focal)),
+        ("class_probability", answer.class_probability, len(answer.class_names)),
+    )
+    for part, values, columns in sizes:
+        if values.shape != (rows, columns):
+            raise Inconsistent(
+                f"{name}: {part} has shape {values.shape}, expected is ({rows}, {columns})"
+            )
+        if not np.isfinite(values).all():
+            raise Inconsistent(f"{name}: {part} is not finite")
+    if isinstance(answer, AttributeScores) and answer.conflict.shape != (rows,):
+        raise Inconsistent(
+            f"{name}: conflict has shape {answer.conflict.shape}, expected ({rows},)"
+        )

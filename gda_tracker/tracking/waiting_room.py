@@ -1,0 +1,108 @@
+"""The waiting room: admitted scans in time order, and what counts as late or as a jump of time."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+from gda_tracker.tracking.door import Rejected
+from gda_tracker.vocabulary.scans import Scan, ScanKey
+
+
+@dataclass(slots=True, order=True)
+class Waiting:
+    """A scan that waits: ``admitted_at`` [s], detections received, and those left out by reason."""
+
+    generation: int
+    stamp_ns: int
+    arrival: int
+    scan: Scan = field(compare=False)
+    admitted_at: float = field(compare=False)
+    received: int = field(compare=False)
+    counts: Counter[str] = field(compare=False)
+
+
+class WaitingRoom:
+    """A bounded queue of admitted scans in time order.
+
+    A stamp that lies more than ``time_jump_s`` before the newest admitted one starts a new
+    generation: the time axis was reset (a bag loops), and so will be the tracks. Less than that is
+    ``late`` if a later scan was opened already.
+    """
+
+    def __init__(self) -> None:
+        self._queue: list[Waiting] = []
+        self._arrivals = itertools.count()
+        self.generation = 0
+        self.newest_ns: int | None = None
+        # Stamp of the scan opened last, and the sensors whose scans of that stamp were opened.
+        self._opened_ns: int | None = None
+        self._opened_sensors: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self._queue)
+
+    def begin(self, stamp_ns: int, sensors: tuple[str, ...]) -> None:
+        """Start the time axis as if the scans of ``sensors`` at ``stamp_ns`` had been opened."""
+        self.newest_ns = self._opened_ns = stamp_ns
+        self._opened_sensors = sensors
+
+    def move_in(self, other: WaitingRoom) -> int:
+        """Take over from ``other`` what is not late here; return how many scans stay behind."""
+        before = len(self)
+        for waiting in sorted(other._queue):
+            if waiting.generation == other.generation and not self._late(waiting.scan.key):
+                arrival = next(self._arrivals)
+                self._push(replace(waiting, generation=self.generation, arrival=arrival))
+        return len(other) - (len(self) - before)
+
+    def holds(self, sensor_id: str, stamp_ns: int) -> bool:
+        """Whether a scan of this sensor and stamp waits already."""
+        return any(
+            w.stamp_ns == stamp_ns and w.scan.key.sensor_id == sensor_id for w in self._queue
+        )
+
+    def check_time(self, key: ScanKey, time_jump_s: float) -> int:
+        """Return the generation that the scan belongs to; raise ``Rejected('late')``."""
+        if self.newest_ns is not None and key.stamp_ns < self.newest_ns - round(time_jump_s * 1e9):
+            return self.generation + 1
+        if self._late(key):
+            raise Rejected("late")
+        return self.generation
+
+    def _late(self, key: ScanKey) -> bool:
+        """Whether a later scan was opened, or the sensor's own one of that stamp."""
+        if self._opened_ns is None:
+            return False
+        if key.stamp_ns == self._opened_ns:
+            return key.sensor_id in self._opened_sensors
+        return key.stamp_ns < self._opened_ns
+
+    def put(
+        self, scan: Scan, generation: int, admitted_at: float, received: int, counts: Counter[str]
+    ) -> None:
+        """Add a scan; its generation comes from :meth:`check_time`."""
+        if generation != self.generation:
+            self.generation, self.newest_ns = generation, None
+            self._opened_ns, self._opened_sensors = None, ()
+        arrival = next(self._arrivals)
+        self._push(
+            Waiting(generation, scan.key.stamp_ns, arrival, scan, admitted_at, received, counts)
+        )
+
+    def _push(self, waiting: Waiting) -> None:
+        stamp_ns = waiting.stamp_ns
+        self.newest_ns = stamp_ns if self.newest_ns is None else max(self.newest_ns, stamp_ns)
+        heapq.heappush(self._queue, waiting)
+
+    def take(self) -> Waiting:
+        """Take the earliest scan out."""
+        waiting = heapq.heappop(self._queue)
+        if waiting.generation == self.generation:
+            same_time = waiting.stamp_ns == self._opened_ns
+            others = self._opened_sensors if same_time else ()
+            self._opened_ns = waiting.stamp_ns
+            self._opened_sensors = (*others, waiting.scan.key.sensor_id)
+        return waiting
