@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -50,20 +51,15 @@ class HypothesisTable:
 
     def select(self, rows: np.ndarray) -> HypothesisTable:
         """Return a table with the given rows or mask."""
-        return HypothesisTable(
-            **{name: getattr(self, name)[rows] for name in ROW_FIELDS},
-            **{name: getattr(self, name) for name in WHOLE_FIELDS},
-        )
+        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in ROW_FIELDS}
+        return replace(self, **columns)
 
     def append(self, other: HypothesisTable) -> HypothesisTable:
         """Return a table with the rows of both; frames and classes must be equal."""
-        return HypothesisTable(
-            **{
-                name: np.concatenate([getattr(self, name), getattr(other, name)])
-                for name in ROW_FIELDS
-            },
-            **{name: getattr(self, name) for name in WHOLE_FIELDS},
-        )
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in ROW_FIELDS
+        }
+        return replace(self, **columns)
 
     def use_frame(self, frame: tuple[str, ...], class_names: tuple[str, ...]) -> None:
         """Make the beliefs speak of ``frame`` and ``class_names``.

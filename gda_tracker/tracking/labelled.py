@@ -112,7 +112,8 @@ def _rows_of(
     sources = recording.truth[step].source_id
     rows = []
     for target in targets:
-        own = [] if sources is None else np.flatnonzero(sources[source_index] == target)
+        labels = np.zeros(0) if sources is None else sources[source_index]
+        own = np.flatnonzero(labels == target)
         if len(own) != 1:
             raise ValueError(
                 f"{recording.name}: scan {step} has {len(own)} detections labelled target "
