@@ -164,10 +164,10 @@ def _method_result(method: str, runs: list[RunScore], first: MethodResult | None
 
 
 def _continuity(values: dict[str, FloatArray]) -> dict[str, Any]:
-    """Mean and standard error over runs of every score."""
+    """Mean over runs of every score under its own name, and its standard error."""
     found = {}
     for name, value in values.items():
-        found[f"{name}_mean"], found[f"{name}_stderr"] = mean_and_stderr(value.astype(np.float64))
+        found[name], found[f"{name}_stderr"] = mean_and_stderr(value.astype(np.float64))
     return found
 
 

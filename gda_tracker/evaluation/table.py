@@ -86,10 +86,10 @@ def _continuity(result: ScenarioResult) -> list[str]:
                 _with_error(method.score_mean, method.score_stderr, 3),
                 _difference(method, index, 3),
                 *[
-                    _with_error(found[f"{name}_mean"], found[f"{name}_stderr"], 2)
+                    _with_error(found[name], found[f"{name}_stderr"], 2)
                     for name in ("identity_switches", "identity_flips", "false_tracks")
                 ],
-                _number(found["position_rmse_m_mean"], 1),
+                _number(found["position_rmse_m"], 1),
                 _number(method.cpu_ms_per_scan, 2),
             ]
         )

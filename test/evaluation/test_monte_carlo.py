@@ -114,10 +114,10 @@ def test_automatic_initiation_reports_continuity(scenarios):
     assert found["match_distance_m"] == pytest.approx(result.match_distance_m)
     for method in found["methods"]:
         assert method["purity_mean"] is None
-        assert 0.3 < method["completeness_mean"] <= 1.0
-        assert method["identity_switches_mean"] >= 0.0
-        assert method["false_tracks_mean"] >= 0.0
-        assert 0.0 < method["position_rmse_m_mean"] < result.match_distance_m
+        assert 0.3 < method["completeness"] <= 1.0
+        assert method["identity_switches"] >= 0.0
+        assert method["false_tracks"] >= 0.0
+        assert 0.0 < method["position_rmse_m"] < result.match_distance_m
     json.dumps(found, allow_nan=False)
 
 
