@@ -99,6 +99,10 @@ class EvaluatorNode(RingNode):
         if report.outcome == "tracked" and not report.repeated:
             self._latency[(report.key.sensor_id, report.key.stamp_ns)] = report.latency_s
 
+    def collected(self) -> tuple[dict[tuple[str, int], Tracks], dict[tuple[str, int], ScanTruth]]:
+        """Tracks and truth that have come so far, by sensor and stamp."""
+        return self._tracks, self._truth
+
     def scores(self) -> dict[str, Any]:
         """Scores over all scans for which both tracks and truth have come."""
         keys = sorted(set(self._tracks) & set(self._truth), key=lambda key: key[1])

@@ -97,7 +97,9 @@ class TrackManagerNode(RingNode):
             "detections",
             self._on_detections,
             sensor(p.detections_depth, p.detections_reliability),
-            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
+            event_callbacks=SubscriptionEventCallbacks(
+                message_lost=self._on_lost, use_default_callbacks=False
+            ),
         )
         self.create_timer(WATCHDOG_PERIOD_S, self._watch, clock=self._steady)
 
