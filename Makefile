@@ -79,6 +79,13 @@ test-oldest: ## test the core with the oldest numpy and scipy, without ROS
 	$(OLDEST)/bin/python -m pytest test --ignore=test/nodes --ignore=test/io \
 		--ignore=test/test_packaging.py -n $(JOBS) $(ARGS)
 
+.PHONY: benchmark
+benchmark: setup ## measure latency, speed and tracking, also against Stone Soup (about 10 minutes)
+	@$(call locked,environment-benchmark)
+	$(BIN)/python -m benchmarks.ring_latency
+	$(BIN)/python -m benchmarks.autoferry_vs_stonesoup
+	$(BIN)/python -m benchmarks.offline_vs_stonesoup
+
 .PHONY: format
 format: setup-test ## format the code and fix what ruff can fix
 	$(BIN)/ruff check --fix-only
@@ -110,10 +117,12 @@ locked = mkdir -p build; \
 		$(MAKE) --no-print-directory $(1); \
 	fi
 
-.PHONY: environment environment-test environment-oldest
+.PHONY: environment environment-test environment-benchmark environment-oldest
 environment: $(STAMPS)/package
 	@:
 environment-test: environment $(STAMPS)/test
+	@:
+environment-benchmark: environment $(STAMPS)/benchmark
 	@:
 environment-oldest: $(OLDEST)/.stamps/oldest
 	@:
@@ -148,6 +157,12 @@ $(STAMPS)/wheels: $(STAMPS)/venv $(install_requirements) requirements/constraint
 $(STAMPS)/test: $(STAMPS)/wheels requirements/test.txt
 	$(say) 'installing the test tools'
 	@$(pip) install --constraint requirements/constraints.txt --requirement requirements/test.txt
+	@touch $@
+
+$(STAMPS)/benchmark: $(STAMPS)/wheels requirements/benchmark.txt
+	$(say) 'installing Stone Soup'
+	@$(pip) install --constraint requirements/constraints.txt \
+		--requirement requirements/benchmark.txt
 	@touch $@
 
 # A list of files changes when one is added or removed, which time stamps do not show.
