@@ -18,13 +18,13 @@ class TrackManagerParameters:
     """What the track manager is told: sensor, motion, association, life of a track, transport."""
 
     decision: str = parameter(
-        "gda",
-        "how detections are assigned: gda (2004 chapter: 1 - P_k P_a and Munkres) or map "
-        "(most probable joint hypothesis)",
+        "map",
+        "how detections are assigned: map (most probable joint hypothesis) or gda (2004 chapter: "
+        "1 - P_k P_a and Munkres)",
         choices=DECISIONS,
     )
     attribute_term: str = parameter(
-        "dsm_classic", "how the attribute speaks in the association", choices=ATTRIBUTE_TERMS
+        "bayes", "how the attribute speaks in the association", choices=ATTRIBUTE_TERMS
     )
     filter: str = parameter(
         "cv", "motion model of the filter: cv constant velocity", choices=FILTERS
@@ -65,7 +65,7 @@ class TrackManagerParameters:
         0.99,
         "chance that a target's own detection lies in its gate",
         minimum=0.0,
-        maximum=0.999999999,
+        maximum=0.999999,
         minimum_excluded=True,
     )
     clutter_density_per_m_rad: float = parameter(
