@@ -9,9 +9,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from gda_tracker.kinematics.sensor_models import PolarMeasurements, cartesian_positions
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray, empty_floats
+
+# Up to so many cells the assignment is solved as a full matrix, which is faster then.
+DENSE_CELLS = 4096
 
 
 def two_point_states(
@@ -71,7 +76,7 @@ class StartPoints:
 
 @dataclass(slots=True)
 class NewTracks:
-    """Tracks that start on a scan: N states and where they come from.
+    """Tracks that start on a scan: N states at its time and where they come from.
 
     ``detection`` (N,) is the row in the scan, ``first_stamp_ns`` (N,) the time of the earlier
     detection, ``gap_scans`` (N,) the scans between the two detections plus one.
@@ -110,7 +115,7 @@ def start_tracks(
     max_speed_mps
         Largest speed of a target [m/s].
     memory_scans
-        Scans for which a start point waits for its second detection.
+        Scans for which a start point waits for its second detection, counted from the next one.
 
     Returns
     -------
@@ -119,31 +124,23 @@ def start_tracks(
     """
     positions, covariances = cartesian_positions(measurements)
     position, covariance = positions[unassigned], covariances[unassigned]
-    offsets = measurements.time_offset_s
+    offset = measurements.time_offset_s
     stamps = np.full(len(unassigned), stamp_ns, dtype=np.int64)
-    if offsets is not None:
-        stamps += np.round(offsets[unassigned] * 1e9).astype(np.int64)
-    # (S, U) pairs of start point and detection
-    dt = (stamps[None, :] - points.stamp_ns[:, None]) / 1e9
-    gap = position[None, :, :] - points.position[:, None, :]
-    variance = np.trace(points.covariance, axis1=1, axis2=2)[:, None] + np.trace(
-        covariance, axis1=1, axis2=2
-    )
-    distance = np.sqrt((gap * gap).sum(axis=2))
-    allowed = (dt > 0.0) & (distance - 3.0 * np.sqrt(variance) <= max_speed_mps * dt)
-    reach = max_speed_mps * dt + 3.0 * np.sqrt(variance)
-    cost = np.where(allowed, distance / np.where(allowed, reach, 1.0), 1e6)
-    older, newer = linear_sum_assignment(cost)
-    good = allowed[older, newer]
-    older, newer = older[good], newer[good]
+    if offset is not None:
+        stamps += np.round(offset[unassigned] * 1e9).astype(np.int64)
+    fresh = StartPoints(position, covariance, stamps, np.zeros(len(stamps), dtype=np.int64))
+    older, newer, cost = _allowed_pairs(points, fresh, max_speed_mps)
+    older, newer = _match(older, newer, cost)
 
     mean, start_covariance = two_point_states(
         points.position[older],
         points.covariance[older],
         position[newer],
         covariance[newer],
-        dt[older, newer],
+        (stamps[newer] - points.stamp_ns[older]) / 1e9,
     )
+    if offset is not None:
+        mean, start_covariance = _move_back(mean, start_covariance, offset[unassigned[newer]])
     new = NewTracks(
         mean,
         start_covariance,
@@ -151,14 +148,83 @@ def start_tracks(
         points.stamp_ns[older],
         points.age_scans[older] + 1,
     )
-    waiting = np.ones(len(points), dtype=bool)
+    waiting = points.age_scans + 1 < memory_scans
     waiting[older] = False
-    kept = points.select(waiting & (points.age_scans + 1 < memory_scans + 1))
-    fresh = np.ones(len(unassigned), dtype=bool)
-    fresh[newer] = False
+    kept = points.select(waiting)
+    free = np.ones(len(unassigned), dtype=bool)
+    free[newer] = False
+    fresh = fresh.select(free)
     return new, StartPoints(
-        np.concatenate([kept.position, position[fresh]]),
-        np.concatenate([kept.covariance, covariance[fresh]]),
-        np.concatenate([kept.stamp_ns, stamps[fresh]]),
-        np.concatenate([kept.age_scans + 1, np.zeros(int(fresh.sum()), dtype=np.int64)]),
+        np.concatenate([kept.position, fresh.position]),
+        np.concatenate([kept.covariance, fresh.covariance]),
+        np.concatenate([kept.stamp_ns, fresh.stamp_ns]),
+        np.concatenate([kept.age_scans + 1, fresh.age_scans]),
     )
+
+
+def _allowed_pairs(
+    points: StartPoints, fresh: StartPoints, max_speed_mps: float
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Rows of the allowed pairs in ``points`` and ``fresh``, with distance over reach in [0, 1].
+
+    Only detections within a strip of x around a start point are compared with it: no matrix of all
+    pairs in a scan full of clutter.
+    """
+    variance = np.trace(points.covariance, axis1=1, axis2=2)
+    fresh_variance = np.trace(fresh.covariance, axis1=1, axis2=2)
+    if not len(points) or not len(fresh):
+        none = np.zeros(0, dtype=np.int64)
+        return none, none, np.zeros(0)
+    longest = (fresh.stamp_ns.max() - points.stamp_ns) / 1e9
+    strip = max_speed_mps * longest + 3.0 * np.sqrt(variance + fresh_variance.max())
+    order = np.argsort(fresh.position[:, 0], kind="stable")
+    x, sorted_x = points.position[:, 0], fresh.position[order, 0]
+    first = np.searchsorted(sorted_x, x - strip, side="left")
+    count = np.maximum(np.searchsorted(sorted_x, x + strip, side="right") - first, 0)
+    older = np.repeat(np.arange(len(points)), count)
+    newer = order[np.arange(len(older)) + np.repeat(first - (np.cumsum(count) - count), count)]
+
+    gap = fresh.position[newer] - points.position[older]
+    distance = np.hypot(gap[:, 0], gap[:, 1])
+    travel = max_speed_mps * ((fresh.stamp_ns[newer] - points.stamp_ns[older]) / 1e9)
+    reach = travel + 3.0 * np.sqrt(variance[older] + fresh_variance[newer])
+    allowed = (travel > 0.0) & (distance <= reach)
+    return older[allowed], newer[allowed], distance[allowed] / reach[allowed]
+
+
+def _match(older: IntArray, newer: IntArray, cost: FloatArray) -> tuple[IntArray, IntArray]:
+    """Choose from the allowed pairs the most, with the least cost; sorted by the older row."""
+    if not len(cost):
+        return older, newer
+    rows, row = np.unique(older, return_inverse=True)
+    columns, column = np.unique(newer, return_inverse=True)
+    # Leaving a row alone costs more than any other choice of all the rows.
+    alone = 2.0 * (len(rows) + 1)
+    if len(rows) * len(columns) <= DENSE_CELLS:
+        dense = np.full((len(rows), len(columns)), alone)
+        dense[row, column] = cost
+        i, j = linear_sum_assignment(dense)
+        good = dense[i, j] < alone
+    else:
+        own = np.arange(len(rows))
+        sparse = csr_array(
+            (
+                # The solver takes a zero for no edge; one more for each row changes no choice.
+                np.concatenate([1.0 + cost, np.full(len(rows), 1.0 + alone)]),
+                (np.concatenate([row, own]), np.concatenate([column, len(columns) + own])),
+            ),
+            shape=(len(rows), len(columns) + len(rows)),
+        )
+        i, j = min_weight_full_bipartite_matching(sparse)
+        good = j < len(columns)
+    return rows[i[good]], columns[j[good]]
+
+
+def _move_back(
+    mean: FloatArray, covariance: FloatArray, offset_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Move states (N, 4) from their detections' time, ``offset_s`` (N,), to that of the scan."""
+    transition = np.tile(np.eye(4), (len(mean), 1, 1))
+    transition[:, 0, 2] = transition[:, 1, 3] = -offset_s
+    moved = (transition @ mean[:, :, None])[:, :, 0]
+    return moved, transition @ covariance @ transition.transpose(0, 2, 1)
