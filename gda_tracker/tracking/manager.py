@@ -19,7 +19,11 @@ import numpy as np
 from gda_tracker.kinematics.gaussian_filters import predict, update
 from gda_tracker.kinematics.motion_models import constant_velocity
 from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
-from gda_tracker.tracking.answers import Inconsistent, check_answers
+from gda_tracker.tracking.answers import (
+    Inconsistent,
+    check_answers,
+    fault_of_initial_tracks,
+)
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
 from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
 from gda_tracker.tracking.initiation import NewTracks, StartPoints, start_tracks
@@ -153,16 +157,19 @@ class TrackManager:
         """Start from labelled tracks: what lived ends, ids go on, beliefs are taken over.
 
         The same initial tracks (system UUID and stamp) act once; later copies are only answered.
+        Scans that have waited for the first initial tracks wait on; what waits when others follow
+        is dropped and counted.
         """
         identity = (initial.system_uuid, initial.key.stamp_ns)
         state = self.state
-        report = ScanReport(initial.key, "initialised", tracks_confirmed=len(initial))
+        n = len(initial)
+        report = ScanReport(initial.key, "initialised", tracks_confirmed=n)
         if identity == state.initialised_from:
             return replace(report, repeated=True)
-        n = len(initial)
-        if not (np.isfinite(initial.mean).all() and np.isfinite(initial.covariance).all()):
-            self.counters["rejected_initial_tracks_not_finite"] += 1
-            return replace(report, outcome="rejected", reason="initial_tracks_not_finite")
+        reason = fault_of_initial_tracks(initial)
+        if reason:
+            self.counters[f"rejected_{reason}"] += 1
+            return replace(report, outcome="rejected", reason=reason, tracks_confirmed=0)
         self.opened = None
         self._apply_parameters()
         ids = np.arange(n, dtype=np.int64)
@@ -177,13 +184,13 @@ class TrackManager:
                 covariance=initial.covariance.copy(),
                 history=3 * ones,
                 age_scans=2 * ones,
-                hits=2 * ones,
-                misses=zeros.copy(),
+                hits=initial.hits.astype(np.int64),
+                misses=initial.misses.astype(np.int64),
                 coasted_scans=zeros.copy(),
                 first_detection_ns=initial.first_detection_ns.copy(),
                 last_detection_ns=initial.last_detection_ns.copy(),
                 detection_index=initial.detection_index.astype(np.int64),
-                conflict=np.zeros(n),
+                conflict=initial.conflict.copy(),
                 masses=initial.masses.copy(),
                 class_probability=initial.class_probability.copy(),
                 frame=initial.frame,
@@ -466,9 +473,10 @@ class TrackManager:
         started.status = confirmed(
             started.status, started.history, p.confirmation_hits, p.confirmation_scans
         )
+        longer = table.append(started)
         state.next_hypothesis_id += n
         state.next_track_id += n
-        return table.append(started)
+        return longer
 
     @staticmethod
     def _ignorance(n: int, table: HypothesisTable) -> FloatArray:
