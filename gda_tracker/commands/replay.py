@@ -15,6 +15,7 @@ from gda_tracker.errors import UserError
 from gda_tracker.evaluation.continuity import score_continuity
 from gda_tracker.simulation.playback import Playback, of_recording, of_scenario
 from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
+from gda_tracker.tracking.ring import stage_parameters
 from gda_tracker.vocabulary.scans import ScanReport
 from gda_tracker.vocabulary.tracks import Tracks
 
@@ -98,7 +99,8 @@ def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
         from gda_tracker.simulation.preset import tracker_preset
 
         parameters = gather_parameters(args.params, args.method, tracker_preset(scenario))
-        method = args.method or "gda/dsm_classic/cv"
+        manager = stage_parameters(parameters)["track_manager"]
+        method = f"{manager.decision}/{manager.attribute_term}/{manager.filter}"
         return of_scenario(scenario, 1, args.seed, method)[0], f"scenario {scenario.name}", parameters
     from gda_tracker.io.adapters import load_recording
 

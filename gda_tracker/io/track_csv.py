@@ -109,4 +109,6 @@ def _class(tracks: Tracks, row: int) -> tuple[str, str]:
         return "", ""
     probability = tracks.class_probability[row]
     best = int(np.argmax(probability))
+    if np.count_nonzero(probability == probability[best]) > 1:
+        return "", ""  # nothing is known: naming one of several would be a guess
     return tracks.class_names[best], repr(float(probability[best]))

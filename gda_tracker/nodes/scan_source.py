@@ -45,7 +45,7 @@ class ScanSourceParameters:
     runs: int = parameter(1, "Monte Carlo runs of a scenario", minimum=1, live=False)
     seed: int = parameter(1, "seed of the simulation", minimum=0, live=False)
     method: str = parameter(
-        "gda/dsm_classic/cv", "method of the tracker that the labelled tracks are made for", live=False
+        "map/bayes/cv", "method of the tracker that the labelled tracks are made for", live=False
     )
     rate: float = parameter(
         0.0,
