@@ -1,0 +1,27 @@
+"""Pictures of recordings, tracks, beliefs and scores, drawn from the vocabulary's objects.
+
+Every function returns a matplotlib figure; :func:`~gda_tracker.evaluation.figures.canvas.png`
+renders it. matplotlib is imported only when a picture is drawn.
+"""
+
+from gda_tracker.evaluation.figures.attributes import (
+    class_beliefs,
+    membership_functions,
+    pignistic_entropies,
+)
+from gda_tracker.evaluation.figures.canvas import MissingPlotLibraryError, png, require_matplotlib
+from gda_tracker.evaluation.figures.maps import association_maps, track_map
+from gda_tracker.evaluation.figures.scores import latency_histograms, paired_purity
+
+__all__ = [
+    "MissingPlotLibraryError",
+    "association_maps",
+    "class_beliefs",
+    "latency_histograms",
+    "membership_functions",
+    "paired_purity",
+    "pignistic_entropies",
+    "png",
+    "require_matplotlib",
+    "track_map",
+]
