@@ -34,13 +34,18 @@ def run(args: argparse.Namespace) -> int:
     parameters = gather_parameters(args.params, args.method)
     if args.checkpoint:
         parameters.setdefault("track_manager", {})["checkpoint_path"] = args.checkpoint
+    from rclpy.executors import ExternalShutdownException
+
     from gda_tracker.nodes.runner import transport_environment, use_environment
 
     use_environment(transport_environment())
     remap = ["-r", f"__ns:=/{args.namespace.strip('/')}"] if args.namespace else []
-    if args.processes:
-        return _run_processes(parameters, remap, args.bag)
-    return _run_nodes(parameters, remap, args.bag)
+    try:
+        if args.processes:
+            return _run_processes(parameters, remap, args.bag)
+        return _run_nodes(parameters, remap, args.bag)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 0  # the usual end
 
 
 def _recorder(bag: str | None, **options: object) -> list[object]:
@@ -52,21 +57,16 @@ def _recorder(bag: str | None, **options: object) -> list[object]:
 
 
 def _run_nodes(parameters: Parameters, remap: list[str], bag: str | None) -> int:
-    from rclpy.executors import ExternalShutdownException
-
     from gda_tracker.nodes.runner import Nodes, stage_nodes
 
     arguments = ["--ros-args", *remap] if remap else None
-    try:
-        with Nodes(
-            lambda **options: [*stage_nodes(parameters, **options), *_recorder(bag, **options)],
-            arguments=arguments,
-        ) as nodes:
-            print("gda-tracker run: four nodes in one process, waiting for detections; Ctrl-C ends")
-            sys.stdout.flush()
-            nodes.spin_until(lambda: not nodes.context.ok())
-    except ExternalShutdownException:
-        pass
+    with Nodes(
+        lambda **options: [*stage_nodes(parameters, **options), *_recorder(bag, **options)],
+        arguments=arguments,
+    ) as nodes:
+        print("gda-tracker run: four nodes in one process, waiting for detections; Ctrl-C ends")
+        sys.stdout.flush()
+        nodes.spin_until(lambda: not nodes.context.ok())
     return 0
 
 

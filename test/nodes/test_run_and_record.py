@@ -1,0 +1,83 @@
+"""The commands ``run`` and ``record`` as a user starts and ends them."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+from graph_helpers import differences, offline, play, scenario_plays
+
+from gda_tracker.io.bags import read_bag
+from gda_tracker.nodes.runner import Nodes, parameter_file
+from gda_tracker.nodes.scan_source import ScanSourceNode
+
+METHOD = "map/bayes/cv"
+
+
+def start(environment, *arguments):
+    """Start a command and wait until it says that it is up."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gda_tracker.cli", *arguments],
+        env={**environment, "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    line = process.stdout.readline()
+    assert "Ctrl-C ends" in line, line + process.stderr.read()
+    return process
+
+
+def stop(process):
+    """Press Ctrl-C; return what it said."""
+    process.send_signal(signal.SIGINT)
+    try:
+        out, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
+        process.wait(30)
+    assert process.returncode == 0, err
+    assert "Traceback" not in err
+    return out
+
+
+@pytest.mark.parametrize("mode", [[], ["--processes"]])
+def test_run_live_in_a_namespace_with_a_parameter_file(mode, environment, tmp_path):
+    plays, parameters = scenario_plays("crossing_targets", METHOD)
+    path = parameter_file(parameters, tmp_path)
+    bag, recorded = tmp_path / "bag", tmp_path / "recorded"
+    run = start(
+        environment,
+        *("run", *mode, "--params", str(path), "--method", METHOD, "--namespace", "radar_1"),
+        *("--bag", str(bag)),
+    )
+    record = start(environment, "record", str(recorded), "--namespace", "radar_1")
+    try:
+        with Nodes(
+            lambda **o: [ScanSourceNode({}, plays=plays, collect=True, **o)],
+            int(environment["ROS_DOMAIN_ID"]),
+            ["--ros-args", "-r", "__ns:=/radar_1"],
+        ) as nodes:
+            played = play(nodes, nodes.nodes[0])
+        assert differences(played.tracks, offline(plays, parameters)) == []
+    finally:
+        said = [stop(record), stop(run)]
+    assert "messages in" in said[0]
+    for folder in (bag, recorded):
+        topics = {record.topic for record in read_bag(folder)}
+        assert {"/radar_1/detections", "/radar_1/associations", "/radar_1/tracks"} <= topics
+
+
+def test_run_refuses_a_wrong_method(environment):
+    done = subprocess.run(
+        [sys.executable, "-m", "gda_tracker.cli", "run", "--method", "gda/dsmc/cv"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "dsm_classic" in done.stderr
