@@ -156,8 +156,9 @@ class EvaluatorNode(RingNode):
         return found
 
     def figures(self) -> dict[str, Any]:
-        """The scores for diagnostics, computed again only when scans have come."""
-        if len(self._tracks) != self._scored[0]:
+        """The scores for diagnostics, computed again when a tenth more scans have come."""
+        scans, known = len(self._tracks), self._scored[0]
+        if scans > known + known // 10:
             self._scored = (len(self._tracks), self.scores())
         return self._scored[1]
 
