@@ -74,23 +74,6 @@ def test_a_file_is_no_folder(tmp_path):
         demo.prepare_folder(path)
 
 
-def test_both_methods_see_the_same_scans():
-    recording, parts = demo.make_parts(2, 5)
-    off, on = parts[demo.OFF], parts[demo.ON]
-    for one, other in zip(off.plays, on.plays, strict=True):
-        for a, b in zip(one.detections, other.detections, strict=True):
-            assert a.stamp_ns == b.stamp_ns
-            np.testing.assert_array_equal(a.range_m, b.range_m)
-            np.testing.assert_array_equal(a.rcs_m2, b.rcs_m2)
-    assert off.scans == on.scans == 2 * 23
-    assert off.parameters["track_manager"]["attribute_term"] == "none"
-    assert on.parameters["track_manager"]["attribute_term"] == "dsm_classic"
-    boats = parts[demo.AUTOFERRY]
-    assert boats.scans == len(recording.detections) == 72
-    assert boats.plays[0].initial is None
-    assert "CC0" in recording.origin
-
-
 def test_scores_are_plain_numbers():
     columns = {
         demo.AUTOFERRY: make_summary(None),

@@ -10,6 +10,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gda_tracker.commands import demo, demo_play
@@ -23,6 +24,23 @@ pytestmark = pytest.mark.nodes
 def part():
     """One run of the crossing targets."""
     return demo.make_parts(1, 3)[1][demo.OFF]
+
+
+def test_both_methods_see_the_same_scans():
+    recording, parts = demo.make_parts(2, 5)
+    off, on = parts[demo.OFF], parts[demo.ON]
+    for one, other in zip(off.plays, on.plays, strict=True):
+        for a, b in zip(one.detections, other.detections, strict=True):
+            assert a.stamp_ns == b.stamp_ns
+            np.testing.assert_array_equal(a.range_m, b.range_m)
+            np.testing.assert_array_equal(a.rcs_m2, b.rcs_m2)
+    assert off.scans == on.scans == 2 * 23
+    assert off.parameters["track_manager"]["attribute_term"] == "none"
+    assert on.parameters["track_manager"]["attribute_term"] == "dsm_classic"
+    boats = parts[demo.AUTOFERRY]
+    assert boats.scans == len(recording.detections) == 72
+    assert boats.plays[0].initial is None
+    assert "CC0" in recording.origin
 
 
 @pytest.mark.timeout(240)
