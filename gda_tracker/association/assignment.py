@@ -37,8 +37,9 @@ def best_hypothesis(
     n, m = log_weight.shape
     value = np.full((n + m, n + m), -np.inf)
     value[:n, :m] = log_weight
-    value[range(n), range(m, m + n)] = log_idle_track
-    value[range(n, n + m), range(m)] = log_idle_measurement
+    diagonals = value.reshape(-1)
+    diagonals[m : n * (n + m) : n + m + 1] = log_idle_track
+    diagonals[n * (n + m) :: n + m + 1][:m] = log_idle_measurement
     value[n:, m:] = 0.0
     try:
         _, column = linear_sum_assignment(value, maximize=True)

@@ -13,7 +13,7 @@ from gda_tracker.association.cluster_marginals import (
     JointWeights,
     cluster_marginals,
 )
-from gda_tracker.association.clustering import Clusters, find_clusters
+from gda_tracker.association.clustering import Clusters, find_clusters, gated_detections
 from gda_tracker.association.errors import AssociationInputError, PairListMismatch
 from gda_tracker.association.generalised import (
     attribute_probability,
@@ -109,13 +109,15 @@ class Associator:
             raise AssociationInputError(
                 f"decision = {settings.decision!r}: allowed is one of {', '.join(DECISIONS)}"
             )
-        n_hypotheses, n_detections = len(predictions), len(scan)
+        n_hypotheses = len(predictions)
         if scores is not None:
-            _check_scores(scores, pairs, settings.attribute_term, n_detections)
+            _check_scores(scores, pairs, settings.attribute_term, len(scan))
 
+        gated, place = gated_detections(pairs.detection, len(scan))
+        n_detections = len(gated)
         clusters = find_clusters(
             pairs.hypothesis,
-            pairs.detection,
+            place,
             n_hypotheses,
             n_detections,
             min(PADDED_SIZE, self._limits.max_exact_size),
@@ -131,7 +133,9 @@ class Associator:
         if scores is not None and (
             scores.log_likelihood.any() or scores.clutter_log_likelihood.any()
         ):
-            joint = joint_weights(kinematic, scores.log_likelihood, scores.clutter_log_likelihood)
+            joint = joint_weights(
+                kinematic, scores.log_likelihood, scores.clutter_log_likelihood[gated]
+            )
         by_distance = settings.decision == "gda" and scores is not None and scores.has_distance
         by_likelihood = (
             settings.decision == "gda"

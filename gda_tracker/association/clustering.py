@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
 
 FEW_CLUSTERS = 8
 """Up to so many clusters, moderate ones are padded to one shape: calls cost more than zeros."""
+
+MAX_PATTERN_PAIRS = 64
+"""Clusters of so few gated pairs are kept for the next scan of the same pattern."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +85,15 @@ class Clusters:
         return len(self.pair_count)
 
 
+def gated_detections(detection: Int32Array, n_detections: int) -> tuple[IntArray, Int32Array]:
+    """Detections inside any gate (D,), ascending, and the place of each pair's among them (P,)."""
+    gated = np.zeros(n_detections, dtype=np.bool_)
+    gated[detection] = True
+    place = gated.cumsum(dtype=np.int32)
+    place -= 1
+    return gated.nonzero()[0], place[detection]
+
+
 def find_clusters(
     hypothesis: Int32Array,
     detection: Int32Array,
@@ -86,7 +101,10 @@ def find_clusters(
     n_detections: int,
     padded_size: int = 4,
 ) -> Clusters:
-    """Group gated pairs into clusters.
+    """Group gated pairs into clusters; the arrays of the result must not be changed.
+
+    Small scans repeat a few patterns of gates, if only the gated detections are counted: their
+    clusters are kept.
 
     Parameters
     ----------
@@ -98,10 +116,46 @@ def find_clusters(
         Clusters with a smaller side up to this may share a group. Larger ones share it only with
         those of the same smaller side.
     """
-    if len(hypothesis) == 0:
+    rows: IntArray = hypothesis.astype(np.intp)
+    columns: IntArray = detection.astype(np.intp)
+    if len(rows) > MAX_PATTERN_PAIRS:
+        return _find_clusters(rows, columns, n_hypotheses, n_detections, padded_size)
+    return _known_clusters(
+        rows.tobytes(), columns.tobytes(), n_hypotheses, n_detections, padded_size
+    )
+
+
+@lru_cache(maxsize=512)
+def _known_clusters(
+    rows: bytes, columns: bytes, n_hypotheses: int, n_detections: int, padded_size: int
+) -> Clusters:
+    clusters = _find_clusters(
+        np.frombuffer(rows, dtype=np.intp),
+        np.frombuffer(columns, dtype=np.intp),
+        n_hypotheses,
+        n_detections,
+        padded_size,
+    )
+    arrays: list[NDArray[np.integer[Any]]] = [
+        clusters.pair_cluster,
+        clusters.larger,
+        clusters.smaller,
+        clusters.pair_count,
+    ]
+    for group in clusters.groups:
+        arrays += [group.clusters, group.sizes, group.steps, group.elements, group.pairs]
+        arrays += group.place
+    for array in arrays:
+        array.setflags(write=False)
+    return clusters
+
+
+def _find_clusters(
+    rows: IntArray, columns: IntArray, n_hypotheses: int, n_detections: int, padded_size: int
+) -> Clusters:
+    if len(rows) == 0:
         none = np.zeros(0, dtype=np.int64)
         return Clusters(none.astype(np.int32), none, none, none, ())
-    rows, columns = hypothesis.astype(np.intp), detection.astype(np.intp)
     label = _component_labels(rows, columns, n_hypotheses, n_detections)[rows]
     used = np.zeros(n_hypotheses, dtype=np.intp)
     used[label] = 1
@@ -110,7 +164,7 @@ def find_clusters(
     pair_cluster = number[label]
 
     # Sort the nodes by cluster, hypotheses before detections, nodes without a pair last.
-    columns += n_hypotheses
+    columns = columns + n_hypotheses
     part = np.full(n_hypotheses + n_detections, 2 * count)
     part[rows] = 2 * pair_cluster
     part[columns] = 2 * pair_cluster + 1

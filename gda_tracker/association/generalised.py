@@ -127,10 +127,14 @@ def attribute_probability(
     That is a cluster of one pair, for which P'_a is 1 whatever the distance, and a cluster without
     an informative pair.
     """
-    heard = np.bincount(clusters.pair_cluster, weights=informative, minlength=len(clusters)) > 0.0
-    heard &= clusters.pair_count > 1
-    # A marginal may exceed 1 by rounding.
-    return np.where(heard[clusters.pair_cluster], np.maximum(1.0 - marginals, 0.0), 1.0)
+    p_attribute = 1.0 - marginals
+    np.maximum(p_attribute, 0.0, out=p_attribute)  # a marginal may exceed 1 by rounding
+    mute = clusters.pair_count == 1
+    if not informative.all():
+        heard = clusters.pair_cluster[informative]
+        mute |= np.bincount(heard, minlength=len(clusters)) == 0
+    p_attribute[mute[clusters.pair_cluster]] = 1.0
+    return p_attribute
 
 
 def most_pairs(clusters: Clusters) -> IntArray:

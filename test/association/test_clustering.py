@@ -7,7 +7,12 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from gda_tracker.association.clustering import FEW_CLUSTERS, find_clusters
+from gda_tracker.association.clustering import (
+    FEW_CLUSTERS,
+    MAX_PATTERN_PAIRS,
+    find_clusters,
+    gated_detections,
+)
 
 examples = settings(derandomize=True, deadline=None, max_examples=50)
 gate_graphs = st.tuples(
@@ -82,6 +87,36 @@ def test_no_pairs():
     clusters = find_clusters(none, none, 3, 0)
     assert len(clusters) == 0
     assert clusters.groups == ()
+
+
+@examples
+@given(gate_graphs)
+def test_gated_detections_are_numbered_in_order(drawn):
+    h, n, share, seed = drawn
+    _, detection = draw_pairs(h, n, share, seed)
+    gated, place = gated_detections(detection.astype(np.int32), n)
+    np.testing.assert_array_equal(gated, np.unique(detection))
+    np.testing.assert_array_equal(gated[place], detection)
+
+
+def test_kept_patterns_do_not_mix():
+    one = np.array([0, 1], dtype=np.int32), np.array([0, 0], dtype=np.int32)
+    other = np.array([0, 1], dtype=np.int32), np.array([0, 1], dtype=np.int32)
+    for _ in range(2):
+        assert find_clusters(*one, 2, 2).pair_cluster.tolist() == [0, 0]
+        assert find_clusters(*other, 2, 2).pair_cluster.tolist() == [0, 1]
+        padding = [group.steps[0, -1] for group in find_clusters(*other, 3, 4).groups]
+        assert padding == [7]
+    assert find_clusters(*one, 2, 2) is find_clusters(*one, 2, 2)
+    with pytest.raises(ValueError, match="read-only"):
+        find_clusters(*one, 2, 2).pair_cluster[0] = 1
+
+
+def test_large_patterns_are_not_kept():
+    many = np.arange(MAX_PATTERN_PAIRS + 1, dtype=np.int32)
+    first, second = (find_clusters(many, many, len(many), len(many)) for _ in range(2))
+    assert first is not second
+    np.testing.assert_array_equal(first.pair_cluster, second.pair_cluster)
 
 
 def test_a_long_chain_is_one_cluster():
