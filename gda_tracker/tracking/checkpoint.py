@@ -1,16 +1,25 @@
 """Checkpoint: the track manager's state in a file, so that a restart goes on bit for bit.
 
-The file is a plain ``.npz`` without pickles: the arrays of the hypothesis table and the start
-points as they are, everything else as one JSON text. It is written to a neighbour and renamed, so a
-reader sees the old state or the new one, never half of one.
+The file holds no code and no pickles::
+
+    text      "gda_tracker checkpoint 2" and a line feed
+    8 bytes   length of the header, unsigned, little-endian
+    header    JSON in UTF-8: {"rest": {...}, "arrays": [[name, dtype, shape], ...]}
+    arrays    their bytes one after the other, row-major
+    4 bytes   Adler-32 of all before, unsigned, little-endian
+
+It is written to a neighbour and renamed, so a reader sees the old state or the new one, never half
+of one. It is not forced to the disk: it outlives the process, not the machine.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
+import math
 import os
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -21,52 +30,47 @@ from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.manager import ManagerState, TrackManager
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 
-FORMAT = 1
+MAGIC = b"gda_tracker checkpoint 2\n"
+_LENGTH = struct.Struct("<Q")
+_CHECKSUM = struct.Struct("<I")
+_POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))
+# Fields of ManagerState that are written as they are.
+_PLAIN = ("next_track_id", "next_hypothesis_id", "last_ns", "degraded", "scans_closed")
 
 
 class CheckpointError(ValueError):
-    """A checkpoint file cannot be read; the message is one line."""
+    """A checkpoint cannot be read or written; the message is one line."""
 
 
 def save(manager: TrackManager, path: Path) -> None:
-    """Write the state of ``manager`` after its last closed scan to ``path`` by atomic rename."""
+    """Write the state of ``manager`` after its last closed scan to ``path`` by atomic rename.
+
+    Raises
+    ------
+    CheckpointError
+        If the file cannot be written; what was there before is untouched.
+    """
     state = manager.state
-    rest: dict[str, Any] = {
-        "format": FORMAT,
-        "system_uuid": manager.system_uuid.hex(),
-        "frame": list(state.table.frame),
-        "class_names": list(state.table.class_names),
-        "next_track_id": state.next_track_id,
-        "next_hypothesis_id": state.next_hypothesis_id,
-        "last_ns": state.last_ns,
-        "last_key": None if state.last_key is None else list(state.last_key[1:]),
-        "last_report": None,
-        "degraded": state.degraded,
-        "initialised_from": None,
-        "scans_closed": state.scans_closed,
-        "counters": dict(manager.counters),
-    }
-    if state.initialised_from is not None:
-        rest["initialised_from"] = [state.initialised_from[0].hex(), state.initialised_from[1]]
-    if state.last_report is not None:
-        report = dataclasses.asdict(state.last_report)
-        del report["key"]
-        rest["last_report"] = report
     arrays = {f"table_{name}": getattr(state.table, name) for name in (*ROW_FIELDS, "focal")}
-    arrays |= {
-        f"points_{f.name}": getattr(state.points, f.name) for f in dataclasses.fields(StartPoints)
-    }
+    arrays |= {f"points_{name}": getattr(state.points, name) for name in _POINT_FIELDS}
     arrays["deleted_track_id"] = state.deleted_track_id
-    arrays["rest"] = np.frombuffer(json.dumps(rest).encode(), dtype=np.uint8)
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)  # type: ignore[arg-type]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    neighbour = path.with_name(path.name + f".{os.getpid()}.tmp")
+    described = [[name, values.dtype.str, values.shape] for name, values in arrays.items()]
+    # Integers of numpy would be refused by JSON.
+    header = json.dumps({"rest": _rest(manager), "arrays": described}, default=int).encode()
+    parts: list[Any] = [MAGIC + _LENGTH.pack(len(header)) + header]
+    parts += [np.ascontiguousarray(values).reshape(-1).view(np.uint8) for values in arrays.values()]
+    checksum = 1
+    for part in parts:
+        checksum = zlib.adler32(part, checksum)
+    neighbour = path.with_name(path.name + ".tmp")
     try:
-        neighbour.write_bytes(buffer.getbuffer())
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with neighbour.open("wb") as file:
+            file.writelines([*parts, _CHECKSUM.pack(checksum)])
         os.replace(neighbour, path)
-    finally:
+    except OSError as error:
         neighbour.unlink(missing_ok=True)
+        raise CheckpointError(f"checkpoint {path}: cannot be written ({error.strerror})") from error
 
 
 def load(manager: TrackManager, path: Path) -> bool:
@@ -75,49 +79,85 @@ def load(manager: TrackManager, path: Path) -> bool:
     Raises
     ------
     CheckpointError
-        If the file exists and is not a checkpoint of this format.
+        If the file exists and is not a whole checkpoint of this format; ``manager`` is unchanged.
     """
-    if not path.exists():
-        return False
     try:
-        with np.load(path, allow_pickle=False) as data:
-            rest = json.loads(bytes(data["rest"]).decode())
-            if rest["format"] != FORMAT:
-                raise CheckpointError(
-                    f"checkpoint {path}: format {rest['format']}, this version reads {FORMAT}"
-                )
-            table = HypothesisTable(
-                **{name: data[f"table_{name}"] for name in (*ROW_FIELDS, "focal")},
-                frame=tuple(rest["frame"]),
-                class_names=tuple(rest["class_names"]),
-            )
-            points = StartPoints(
-                **{f.name: data[f"points_{f.name}"] for f in dataclasses.fields(StartPoints)}
-            )
-            deleted = data["deleted_track_id"]
-    except CheckpointError:
-        raise
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise CheckpointError(f"checkpoint {path}: not readable ({error})") from error
-    last_key = None if rest["last_key"] is None else ScanKey(manager.epoch, *rest["last_key"])
-    report = None
-    if rest["last_report"] is not None and last_key is not None:
-        report = ScanReport(key=last_key, **rest["last_report"])
-    origin = rest["initialised_from"]
-    manager.state = ManagerState(
-        table=table,
-        points=points,
-        next_track_id=rest["next_track_id"],
-        next_hypothesis_id=rest["next_hypothesis_id"],
-        last_ns=rest["last_ns"],
-        last_key=last_key,
-        last_report=report,
-        deleted_track_id=deleted,
-        degraded=rest["degraded"],
-        initialised_from=None if origin is None else (bytes.fromhex(origin[0]), origin[1]),
-        scans_closed=rest["scans_closed"],
-    )
-    manager.system_uuid = bytes.fromhex(rest["system_uuid"])
-    manager.counters.update(rest["counters"])
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise CheckpointError(f"checkpoint {path}: cannot be read ({error.strerror})") from error
+    try:
+        rest, arrays = _parse(content)
+        state = _state(rest, arrays, manager.epoch)
+        system_uuid, counters = bytes.fromhex(rest["system_uuid"]), dict(rest["counters"])
+    except (ValueError, KeyError, TypeError, struct.error) as error:
+        reason = " ".join(str(error).split())
+        raise CheckpointError(f"checkpoint {path}: not readable ({reason})") from error
+    manager.state, manager.system_uuid = state, system_uuid
+    manager.counters.clear()
+    manager.counters.update(counters)
     manager.resume()
     return True
+
+
+def _rest(manager: TrackManager) -> dict[str, Any]:
+    """All of the state that is not an array, for JSON."""
+    state = manager.state
+    report, origin = None, None
+    if state.last_report is not None:
+        report = dataclasses.asdict(state.last_report)
+        del report["key"]  # it has the epoch, which a restart changes
+    if state.initialised_from is not None:
+        origin = [state.initialised_from[0].hex(), state.initialised_from[1]]
+    return {
+        **{name: getattr(state, name) for name in _PLAIN},
+        "system_uuid": manager.system_uuid.hex(),
+        "frame": state.table.frame,
+        "class_names": state.table.class_names,
+        "last_sensors": state.last_sensors,
+        "last_key": None if state.last_key is None else state.last_key[1:],
+        "last_report": report,
+        "initialised_from": origin,
+        "counters": manager.counters,
+    }
+
+
+def _parse(content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Header and arrays of a file."""
+    if not content.startswith(MAGIC):
+        raise ValueError("it is not a checkpoint of this version")
+    body, checksum = content[: -_CHECKSUM.size], content[-_CHECKSUM.size :]
+    if _CHECKSUM.unpack(checksum)[0] != zlib.adler32(body):
+        raise ValueError("it is damaged or cut off")
+    start = len(MAGIC) + _LENGTH.size
+    end = start + _LENGTH.unpack(body[len(MAGIC) : start])[0]
+    header = json.loads(body[start:end])
+    arrays = {}
+    for name, dtype, shape in header["arrays"]:
+        values = np.frombuffer(body, dtype=dtype, count=math.prod(shape), offset=end)
+        arrays[name] = values.reshape(shape).copy()
+        end += values.nbytes
+    return header["rest"], arrays
+
+
+def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> ManagerState:
+    """State of the manager from header and arrays."""
+    key = None if rest["last_key"] is None else ScanKey(epoch, *rest["last_key"])
+    report = None
+    if rest["last_report"] is not None and key is not None:
+        report = ScanReport(key=key, **rest["last_report"])
+    origin = rest["initialised_from"]
+    table: dict[str, Any] = {name: arrays[f"table_{name}"] for name in (*ROW_FIELDS, "focal")}
+    return ManagerState(
+        **{name: rest[name] for name in _PLAIN},
+        table=HypothesisTable(
+            **table, frame=tuple(rest["frame"]), class_names=tuple(rest["class_names"])
+        ),
+        points=StartPoints(**{name: arrays[f"points_{name}"] for name in _POINT_FIELDS}),
+        last_sensors=tuple(rest["last_sensors"]),
+        last_key=key,
+        last_report=report,
+        deleted_track_id=arrays["deleted_track_id"],
+        initialised_from=None if origin is None else (bytes.fromhex(origin[0]), origin[1]),
+    )
