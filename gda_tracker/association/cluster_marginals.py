@@ -185,6 +185,7 @@ def _fall_back(
             limits,
         )
         found.marginals[layer, part.pairs] = again.marginals[0, part.pairs]
+        found.converged[part.clusters] &= again.converged[part.clusters]
 
 
 def _check_weights(*log_weights: FloatArray) -> None:

@@ -131,6 +131,13 @@ class TestTerms:
         np.testing.assert_array_equal(found.p_generalised, found.p_kinematic)
         assert found.assigned_detection.tolist() == [0, 1]
 
+    def test_gda_serves_as_many_tracks_as_the_gates_allow(self, make_stage_input):
+        # Infinite cost outside the gate: the improbable pairs go before leaving track 1 without one.
+        log_g = [[-5.0, -14.0], [-14.0, FAR]]
+        assert associate(*make_stage_input(log_g)).assigned_detection.tolist() == [1, 0]
+        by_weight = associate(*make_stage_input(log_g, decision="map"))
+        assert by_weight.assigned_detection.tolist() == [0, -1]
+
     def test_gda_with_bayes_takes_p_k_of_the_joint_likelihood(self, make_stage_input):
         found = associate(
             *make_stage_input(
