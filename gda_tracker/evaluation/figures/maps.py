@@ -86,7 +86,9 @@ def track_map(
             label = "other confirmed track" if owner is None else f"target {owner}: track"
             line = history.position_m[history.confirmed] / scale
             tint = GREY if owner is None else colour(rank[owner])
-            style = {"color": tint, "lw": 1.2 if owner is None else 1.6}
+            style = {"color": tint, "lw": 1.6, "alpha": 1.0}
+            if owner is None:
+                style |= {"lw": 0.9, "alpha": 0.5}
             axes.plot(*line.T, **style, label=None if owner in labelled else label)
             axes.plot(*line[0], "o", ms=4, color=tint, mec="white", mew=0.6)
             _name(axes, line[0], f"{history.track_id}", tint)
