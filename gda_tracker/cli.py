@@ -87,7 +87,7 @@ COMMANDS = {
 
 
 def build_parser(command: str | None = None) -> argparse.ArgumentParser:
-    """Build the parser; only the module of ``command`` is imported, so that start-up stays quick."""
+    """Build the parser; only the module of ``command`` is imported, so start-up stays quick."""
     parser = argparse.ArgumentParser(
         prog="gda-tracker",
         description="Multi-target radar tracking with kinematic and attribute association.",

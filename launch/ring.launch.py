@@ -1,15 +1,16 @@
 """The four nodes of the ring, for a normal ROS 2 installation.
 
-    ros2 launch gda_tracker ring.launch.py params:=my_radar.yaml namespace:=radar_1
+ros2 launch gda_tracker ring.launch.py params:=my_radar.yaml namespace:=radar_1
 """
 
 import os
 
 from ament_index_python.packages import get_package_share_directory
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import LifecycleNode
+
+from launch import LaunchDescription
 
 STAGES = ("track_manager", "rcs_fuzzifier", "attribute_fusion", "association")
 

@@ -160,9 +160,9 @@ def _recording_picture(recording: Recording, result: Played) -> Picture:
         "where a track begins, so that a new number on a band is a lost and newly started track. "
         "Radar returns come from hulls and the truth from antennas, which explains a constant "
         "offset of some metres. Grey tracks follow moored boats, quays or other traffic, which "
-        "have no truth; a long straight one is most likely a ghost, confirmed by two or three echoes "
+        "have no truth; a long straight one is likely a ghost, confirmed by two or three echoes "
         "that do not belong together, that ran on without detections until it was deleted. The "
-        "picture shows the surroundings of the two boats; x is East, y is North of the local origin.",
+        "picture shows the area around the two boats; x is East, y North of the local origin.",
         png(figure),
     )
 

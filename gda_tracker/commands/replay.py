@@ -50,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tracks", type=Path, metavar="OUT.csv", help="write one row per track and scan"
     )
-    parser.add_argument("--bag", type=Path, metavar="FOLDER", help="record all topics (not offline)")
+    parser.add_argument(
+        "--bag", type=Path, metavar="FOLDER", help="record all topics (not offline)"
+    )
     parser.add_argument(
         "--domain", type=int, metavar="N", help="ROS domain to use; default: one of its own"
     )
@@ -101,7 +103,11 @@ def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
         parameters = gather_parameters(args.params, args.method, tracker_preset(scenario))
         manager = stage_parameters(parameters)["track_manager"]
         method = f"{manager.decision}/{manager.attribute_term}/{manager.filter}"
-        return of_scenario(scenario, 1, args.seed, method)[0], f"scenario {scenario.name}", parameters
+        return (
+            of_scenario(scenario, 1, args.seed, method)[0],
+            f"scenario {scenario.name}",
+            parameters,
+        )
     from gda_tracker.io.adapters import load_recording
 
     recording = load_recording(name, args.adapter)
@@ -213,7 +219,9 @@ def _summary(play: Playback, answers: Answers, match_distance_m: float | None) -
     if play.truth is None:
         return
     truth = {(t.sensor_id, t.stamp_ns): t for t in play.truth}
-    pairs = [(t, truth[key]) for _, t in tracked if (key := (t.key.sensor_id, t.key.stamp_ns)) in truth]
+    pairs = [
+        (t, truth[key]) for _, t in tracked if (key := (t.key.sensor_id, t.key.stamp_ns)) in truth
+    ]
     if not pairs:
         return
     # Where every detection's source is known the truth is a simulation's, and complete.

@@ -18,9 +18,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--processes",
         action="store_true",
-        help="one process per node, restarted if it ends by itself; default: all nodes in one process",
+        help="one process per node, restarted if it ends; default: all nodes in one process",
     )
-    parser.add_argument("--namespace", default="", metavar="NS", help="namespace of nodes and topics")
+    parser.add_argument(
+        "--namespace", default="", metavar="NS", help="namespace of nodes and topics"
+    )
     parser.add_argument(
         "--checkpoint",
         metavar="FILE",
@@ -84,7 +86,9 @@ def _run_processes(parameters: Parameters, remap: list[str], bag: str | None) ->
             restarts[:] = [t for t in restarts if now - t < RESTART_WINDOW_S] + [now]
             if code == 2 or len(restarts) > RESTARTS_ALLOWED:
                 raise _GivenUp(f"node {stage} ended with code {code}")
-            print(f"gda-tracker run: node {stage} ended with code {code}, restarted", file=sys.stderr)
+            print(
+                f"gda-tracker run: node {stage} ended with code {code}, restarted", file=sys.stderr
+            )
             ring.start(stage)
 
     with RingProcesses(parameters, arguments=remap) as ring:
@@ -93,7 +97,9 @@ def _run_processes(parameters: Parameters, remap: list[str], bag: str | None) ->
         try:
             if bag:
                 arguments = ["--ros-args", *remap] if remap else None
-                with Nodes(lambda **options: _recorder(bag, **options), arguments=arguments) as nodes:
+                with Nodes(
+                    lambda **options: _recorder(bag, **options), arguments=arguments
+                ) as nodes:
                     nodes.spin_until(lambda: not nodes.context.ok(), watch=watch)
             else:
                 while True:

@@ -1,4 +1,4 @@
-"""What all nodes of the ring share: lifecycle with autostart, parameters, drop counters, diagnostics."""
+"""What all nodes of the ring share: lifecycle, parameters, drop counters, diagnostics."""
 
 from __future__ import annotations
 
@@ -65,7 +65,9 @@ class RingNode(LifecycleNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.parameters = self._declare_parameters()
         self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(lambda _: self.use_parameters(self._read_parameters()))
+        self.add_post_set_parameters_callback(
+            lambda _: self.use_parameters(self._read_parameters())
+        )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_timer(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics, clock=self._steady)
 
@@ -132,7 +134,12 @@ class RingNode(LifecycleNode):
         raise NotImplementedError
 
     def subscribe(
-        self, message: type, topic: str, callback: Callable[[Any], None], quality: QoSProfile, **kw: Any
+        self,
+        message: type,
+        topic: str,
+        callback: Callable[[Any], None],
+        quality: QoSProfile,
+        **kw: Any,
     ) -> None:
         """Subscribe while configured; the callback runs only while active."""
 
@@ -213,7 +220,9 @@ class RingNode(LifecycleNode):
 
     def health(self) -> tuple[int, str]:
         """Level and one line for diagnostics; subclasses add what they know."""
-        return (DiagnosticStatus.OK, "active") if self.active else (DiagnosticStatus.WARN, "inactive")
+        return (
+            (DiagnosticStatus.OK, "active") if self.active else (DiagnosticStatus.WARN, "inactive")
+        )
 
     def figures(self) -> dict[str, Any]:
         """Further values for diagnostics."""

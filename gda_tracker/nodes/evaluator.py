@@ -1,7 +1,8 @@
 """Node ``evaluator``: scores ``tracks`` against ``truth`` while they come.
 
-Recordings and automatic initiation are scored by continuity (completeness, switches); runs that start
-from labelled tracks by purity as well. The scores go to diagnostics and, on request, to a JSON file.
+Recordings and automatic initiation are scored by continuity (completeness, switches); runs that
+start from labelled tracks by purity as well. The scores go to diagnostics and, on request, to a
+JSON file.
 """
 
 from __future__ import annotations

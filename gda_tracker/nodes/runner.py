@@ -1,4 +1,4 @@
-"""Running the ring: four processes, or four nodes in one process, and who plays scans through it."""
+"""Running the ring: four processes, or four nodes in one process, and who plays into it."""
 
 from __future__ import annotations
 
@@ -170,7 +170,10 @@ class Nodes:
     """Nodes in this process on one executor with a context of their own; use in ``with``."""
 
     def __init__(
-        self, make: Callable[..., Iterable[Any]], domain: int | None = None, arguments: list[str] | None = None
+        self,
+        make: Callable[..., Iterable[Any]],
+        domain: int | None = None,
+        arguments: list[str] | None = None,
     ) -> None:
         self.context = Context()
         rclpy.init(args=arguments, context=self.context, domain_id=domain)

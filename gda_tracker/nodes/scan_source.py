@@ -1,7 +1,7 @@
 """Node ``scan_source``: publishes a simulated scenario with truth, or plays a recording.
 
-It waits for the answer to every scan (``scan_reports``): at most ``credits`` scans are unanswered, and
-an unanswered one is sent again, so nothing is lost however slow the ring or whatever restarts.
+It waits for the answer to every scan (``scan_reports``): at most ``credits`` scans are unanswered,
+and an unanswered one is sent again, so nothing is lost however slow the ring or whatever restarts.
 """
 
 from __future__ import annotations
@@ -74,7 +74,8 @@ class _Sent:
 class Progress:
     """How far the playing has come; ``reports`` has every answer, in order.
 
-    ``tracks`` has the tracks of every answered scan, by sensor and stamp, if the source collects them.
+    ``tracks`` has the tracks of every answered scan, by sensor and stamp, if the source collects
+    them.
     """
 
     total: int = 0
@@ -92,8 +93,8 @@ class ScanSourceNode(RingNode):
     plays
         What to play; by default what the parameters name.
     collect
-        Listen to ``tracks`` too, and take a scan as answered only when its tracks have come: nothing
-        is missed while subscriptions are still being matched.
+        Listen to ``tracks`` too, and take a scan as answered only when its tracks have come:
+        nothing is missed while subscriptions are still being matched.
     """
 
     def __init__(
@@ -158,7 +159,8 @@ class ScanSourceNode(RingNode):
     def _matched(self) -> bool:
         """Whether both directions to the track manager are up."""
         return (
-            self._detections.get_subscription_count() > 0 and self.count_publishers("scan_reports") > 0
+            self._detections.get_subscription_count() > 0
+            and self.count_publishers("scan_reports") > 0
         )
 
     def _fill(self) -> None:

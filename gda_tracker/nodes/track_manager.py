@@ -40,7 +40,7 @@ WATCHDOG_PERIOD_S = 0.25
 
 
 class TrackManagerNode(RingNode):
-    """``detections`` and the answers of the stages in, ``scans``, ``predictions``, ``tracks`` out."""
+    """``detections`` and the stages' answers in, ``scans``, ``predictions``, ``tracks`` out."""
 
     def __init__(self, parameters: Mapping[str, Any] | None = None, **options: Any) -> None:
         super().__init__("track_manager", TrackManagerParameters, parameters, **options)
@@ -170,7 +170,10 @@ class TrackManagerNode(RingNode):
             return
         opened = self.manager.open()
         self._answers.clear()
-        self._open_messages = (scan_to_message(opened.scan), predictions_to_message(opened.predictions))
+        self._open_messages = (
+            scan_to_message(opened.scan),
+            predictions_to_message(opened.predictions),
+        )
         self._opened_at = self.seconds()
         self._retry_period = self.parameters.retry_period_s
         self._retry_at = self._opened_at + self._retry_period
@@ -264,7 +267,7 @@ class TrackManagerNode(RingNode):
             self._retry_at = now + self._retry_period
             missing = {"evidence", "attribute_scores", "associations"} - set(self._answers)
             self.get_logger().warning(
-                f"open scan is {age:.1f} s old, waiting for {', '.join(sorted(missing))}; sent again",
+                f"open scan is {age:.1f} s old, no {', '.join(sorted(missing))}; sent again",
                 throttle_duration_sec=5.0,
             )
             self._send_open()

@@ -20,7 +20,7 @@ RUN_SPACING_NS = 100_000 * 1_000_000_000
 
 @dataclass(slots=True)
 class Playback:
-    """One run: scans in order, truth per scan or ``None``, labelled tracks to start from or ``None``."""
+    """One run: scans in order; truth per scan and labelled tracks to start from, or ``None``."""
 
     name: str
     detections: list[Detections]

@@ -1,8 +1,8 @@
 """The vocabulary of the ring: what the stages say to each other, as dataclasses of arrays.
 
 Every class here has a message of the same name in ``gda_tracker_msgs`` (``Detections`` travels as
-``DetectionArray``, ``Tracks`` as ``TrackArray``). Units are SI, angles in rad counter-clockwise from
-the x axis (REP-103), radar cross sections in m2, stamps integer nanoseconds.
+``DetectionArray``, ``Tracks`` as ``TrackArray``). Units are SI, angles in rad counter-clockwise
+from the x axis (REP-103), radar cross sections in m2, stamps integer nanoseconds.
 """
 
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence

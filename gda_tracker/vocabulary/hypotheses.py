@@ -21,8 +21,9 @@ from gda_tracker.vocabulary.scans import ScanKey
 class AssociationSettings:
     """The settings that hold for one scan; they travel in ``Predictions``.
 
-    ``clutter_density`` has the unit 1/(m rad): detections per measurement volume that belong to no track.
-    ``degraded``: the track manager has given up the attribute scores; kinematics alone decide.
+    ``clutter_density`` has the unit 1/(m rad): detections per measurement volume that belong to no
+    track. ``degraded``: the track manager has given up the attribute scores; kinematics alone
+    decide.
     """
 
     decision: str = "gda"
@@ -37,10 +38,10 @@ class AssociationSettings:
 class Predictions:
     """H hypotheses predicted to the time of the scan; message ``Predictions``.
 
-    A hypothesis is a Gaussian mixture: components ``component_start[h]`` to ``component_start[h + 1]``
-    of ``component_weight`` (K,), ``component_mean`` (K, s) [m, m/s] and ``component_covariance``
-    (K, s, s); the state is all positions, then all velocities. ``masses`` (H, E) over ``focal`` and
-    ``class_probability`` (H, C) are the attribute histories.
+    A hypothesis is a Gaussian mixture: components ``component_start[h]`` to ``component_start[h +
+    1]`` of ``component_weight`` (K,), ``component_mean`` (K, s) [m, m/s] and
+    ``component_covariance`` (K, s, s); the state is all positions, then all velocities. ``masses``
+    (H, E) over ``focal`` and ``class_probability`` (H, C) are the attribute histories.
     """
 
     key: ScanKey
@@ -69,10 +70,11 @@ class Associations:
     """The decision on one scan for P gated pairs of H hypotheses; message ``Associations``.
 
     Per pair (P,): ``kinematic_log_likelihood`` [log 1/(m rad)], ``p_kinematic`` P_k (14.4.1),
-    ``p_attribute`` P_a = 1 - P'_a (14.4.2), ``p_generalised`` P_k P_a, ``joint_marginal`` from the joint
-    kinematic and attribute likelihood, ``chosen``. ``assigned_detection`` (H,) is the row in the scan or
-    -1. ``cluster_engine`` (G,) indexes ``engine_names``; ``cluster_converged`` (G,) is False where an
-    approximate engine did not settle.
+    ``p_attribute`` P_a = 1 - P'_a (14.4.2), ``p_generalised`` P_k P_a, ``joint_marginal`` from the
+    joint kinematic and attribute likelihood, ``chosen``. ``assigned_detection`` (H,) is the row in
+    the scan or
+    -1. ``cluster_engine`` (G,) indexes ``engine_names``; ``cluster_converged`` (G,) is False where
+    an approximate engine did not settle.
     """
 
     key: ScanKey

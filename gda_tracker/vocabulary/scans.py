@@ -24,9 +24,9 @@ class ScanKey(NamedTuple):
 class Detections:
     """One scan of one sensor as published, before any check; message ``DetectionArray``.
 
-    All arrays are (n,) unless said otherwise; ``None`` stands for "not measured". Standard deviations
-    are (n,), (1,) for all, or ``None`` for the tracker's own parameter. ``covariance`` is (n, d, d)
-    over the measured ones of range, azimuth, elevation, range rate, in this order.
+    All arrays are (n,) unless said otherwise; ``None`` stands for "not measured". Standard
+    deviations are (n,), (1,) for all, or ``None`` for the tracker's own parameter. ``covariance``
+    is (n, d, d) over the measured ones of range, azimuth, elevation, range rate, in this order.
     """
 
     sensor_id: str

@@ -21,10 +21,10 @@ def _ints() -> IntArray:
 class Tracks:
     """N live tracks after one scan, by rising track id; message ``TrackArray``.
 
-    ``mean`` (N, s) [m, m/s] and ``covariance`` (N, s, s); ``class_probability`` (N, C), pignistic where
-    the attribute term works with belief masses; ``masses`` (N, E) over the Venn bitmasks ``focal``;
-    ``conflict`` (N,) of the last fusion; ``detection_index`` (N,) row in the source's ``Detections``, -1
-    for none; stamps in ns. ``status`` (N,) is ``TENTATIVE`` or ``CONFIRMED``.
+    ``mean`` (N, s) [m, m/s] and ``covariance`` (N, s, s); ``class_probability`` (N, C), pignistic
+    where the attribute term works with belief masses; ``masses`` (N, E) over the Venn bitmasks
+    ``focal``; ``conflict`` (N,) of the last fusion; ``detection_index`` (N,) row in the source's
+    ``Detections``, -1 for none; stamps in ns. ``status`` (N,) is ``TENTATIVE`` or ``CONFIRMED``.
     """
 
     key: ScanKey

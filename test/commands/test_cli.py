@@ -72,9 +72,7 @@ def test_replay_writes_one_row_per_live_track_and_scan(tmp_path, capsys):
 
 def test_replay_takes_a_parameter_file_in_place_of_the_preset(tmp_path, capsys):
     path = tmp_path / "mine.yaml"
-    path.write_text(
-        parameter_yaml(STAGE_TABLES, False, {"track_manager": {"max_speed_mps": 1e-3}})
-    )
+    path.write_text(parameter_yaml(STAGE_TABLES, False, {"track_manager": {"max_speed_mps": 1e-3}}))
     assert run("replay", BOATS, "--offline", "--params", path, "--method", "gda/none/cv") == 0
     assert str(path) in capsys.readouterr().out
 

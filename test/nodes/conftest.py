@@ -9,7 +9,7 @@ import pytest
 
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
-from gda_tracker.nodes.runner import private_environment, use_environment  # noqa: E402
+from gda_tracker.nodes.runner import private_environment, use_environment
 
 DOMAINS = 101
 _used = 0

@@ -1,4 +1,4 @@
-"""Bad input over the topics: named, counted, answered; the nodes live on, other scans are untouched."""
+"""Bad input over the topics: named, counted, answered; other scans are untouched."""
 
 from __future__ import annotations
 
@@ -75,9 +75,11 @@ class Bench:
     def __enter__(self):
         self.nodes.__enter__()
         self.until(
-            lambda: self.client.detections.get_subscription_count() > 0
-            and self.client.count_publishers("scan_reports") > 0
-            and self.client.count_publishers("tracks") > 0
+            lambda: (
+                self.client.detections.get_subscription_count() > 0
+                and self.client.count_publishers("scan_reports") > 0
+                and self.client.count_publishers("tracks") > 0
+            )
         )
         return self
 
@@ -126,9 +128,7 @@ def mismatched(d):
 
 def flood(d):
     n = 100_000
-    return spoil(
-        d, range_m=np.full(n, 1e4), azimuth_rad=np.zeros(n), rcs_m2=None, rcs_valid=None
-    )
+    return spoil(d, range_m=np.full(n, 1e4), azimuth_rad=np.zeros(n), rcs_m2=None, rcs_valid=None)
 
 
 REJECTED = {
@@ -141,7 +141,7 @@ REJECTED = {
 
 
 def test_rejected_scans_change_nothing(domain, crossing):
-    """Between the good scans of a run every kind of broken scan is sent; the tracks are the same."""
+    """Between the good scans every kind of broken scan is sent; the tracks are the same."""
     play, parameters, expected = crossing
     with Bench(domain, parameters) as bench:
         bench.initialise(play.initial)
@@ -228,8 +228,10 @@ def test_garbage_on_the_ring_topics_is_counted_and_the_scan_completed(domain, cr
         bench.until(lambda: bench.manager.counters["not_open"] > 0)
         # A second publisher of a stage's output is an error, said in diagnostics.
         bench.until(
-            lambda: getattr(bench.client.diagnostics.get("/association"), "level", None)
-            == DiagnosticStatus.ERROR
+            lambda: (
+                getattr(bench.client.diagnostics.get("/association"), "level", None)
+                == DiagnosticStatus.ERROR
+            )
         )
         assert "second publisher" in bench.client.diagnostics["/association"].message
 
@@ -329,10 +331,18 @@ def test_a_wrong_parameter_stops_start_up_with_one_line(assignment, environment)
 def test_an_unknown_class_in_a_parameter_file(environment, tmp_path):
     path = tmp_path / "wrong.yaml"
     path.write_text(
-        "/**/rcs_fuzzifier:\n  ros__parameters:\n    class_names: [false_alarm, fighter, zeppelin, ufo]\n"
+        "/**/rcs_fuzzifier:\n  ros__parameters:\n"
+        "    class_names: [false_alarm, fighter, zeppelin, ufo]\n"
     )
     done = subprocess.run(
-        [sys.executable, "-m", "gda_tracker.nodes.rcs_fuzzifier", "--ros-args", "--params-file", path],
+        [
+            sys.executable,
+            "-m",
+            "gda_tracker.nodes.rcs_fuzzifier",
+            "--ros-args",
+            "--params-file",
+            path,
+        ],
         env=environment,
         capture_output=True,
         text=True,

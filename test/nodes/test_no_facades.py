@@ -1,4 +1,4 @@
-"""The nodes do the work that they are named for: outputs follow from recorded inputs alone, and matter."""
+"""Nodes do the work they are named for: outputs follow from recorded inputs, and matter."""
 
 from __future__ import annotations
 

@@ -5,9 +5,6 @@ from __future__ import annotations
 import random
 
 import pytest
-
-from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses
-from gda_tracker.nodes.scan_source import ScanSourceNode
 from graph_helpers import (
     TIMEOUT_S,
     differences,
@@ -17,6 +14,9 @@ from graph_helpers import (
     play_in_processes,
     scenario_plays,
 )
+
+from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses
+from gda_tracker.nodes.scan_source import ScanSourceNode
 
 METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "gda/dempster/cv", "map/bayes/cv")
 
