@@ -132,7 +132,7 @@ class TestTerms:
         assert found.assigned_detection.tolist() == [0, 1]
 
     def test_gda_serves_as_many_tracks_as_the_gates_allow(self, make_stage_input):
-        # Infinite cost outside the gate: the improbable pairs go before leaving track 1 without
+        # Infinite cost outside the gate: improbable pairs are taken before a track is left without.
         # one.
         log_g = [[-5.0, -14.0], [-14.0, FAR]]
         assert associate(*make_stage_input(log_g)).assigned_detection.tolist() == [1, 0]
