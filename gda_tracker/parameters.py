@@ -14,16 +14,26 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import math
+import numbers
+import sys
 import typing
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping, Set
 from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
 from typing import Any, TypeVar
+
+from gda_tracker.errors import UserError
 
 T = TypeVar("T")
 
+# Characters of a value in an error.
+LONGEST_VALUE = 100
+# Of ROS parameters.
+LARGEST_INTEGER, LARGEST_FLOAT = 2**63 - 1, sys.float_info.max
 
-class ParameterError(ValueError):
+
+class ParameterError(UserError):
     """A parameter is unknown or has a value that is not allowed; the message is one line."""
 
 
@@ -74,35 +84,56 @@ class Specification:
 
     def check(self, value: Any) -> Any:
         """Return ``value`` in the declared type; raise :class:`ParameterError` if not allowed."""
-        if self.is_list:
-            if isinstance(value, str) or not hasattr(value, "__iter__"):
-                raise self._error(value)
-            return [self._check_element(element, value) for element in value]
-        return self._check_element(value, value)
+        if not self.is_list:
+            return self._check_element(value, value)
+        # No lists, though iterable: no order, or elements that were not meant.
+        if isinstance(value, str | bytes | Mapping | Set) or not isinstance(value, Iterable):
+            raise self._error(value)
+        return [self._check_element(element, value) for element in value]
 
     def _check_element(self, element: Any, value: Any) -> Any:
         kind = self.element_kind
-        number = isinstance(element, int | float) and not isinstance(element, bool)
-        if kind is float and number:
-            element = float(element)
-        elif kind is int and number and float(element).is_integer():
-            element = int(element)
-        elif not isinstance(element, kind):
-            raise self._error(value)
         if kind in (int, float):
-            bad = not math.isfinite(element)
+            element = self._number(element, value)
+            bad = not abs(element) <= (LARGEST_INTEGER if kind is int else LARGEST_FLOAT)
             if self.minimum is not None:
                 bad |= element <= self.minimum if self.minimum_excluded else element < self.minimum
             if self.maximum is not None:
                 bad |= element > self.maximum
             if bad:
                 raise self._error(value)
+        elif not isinstance(element, kind):
+            raise self._error(value)
         if self.choices and element not in self.choices:
             raise self._error(value)
         return element
 
+    def _number(self, element: Any, value: Any) -> int | float:
+        """Return a number, of Python or numpy, as the declared type; 3.0 is an integer."""
+        if isinstance(element, bool) or not isinstance(element, numbers.Real):
+            raise self._error(value)
+        if self.element_kind is int and isinstance(element, numbers.Integral):
+            return int(element)
+        try:
+            number = float(element)
+        except OverflowError:
+            raise self._error(value) from None
+        if self.element_kind is int:
+            if not number.is_integer():
+                raise self._error(value)
+            return int(number)
+        return number
+
     def _error(self, value: Any) -> ParameterError:
-        return ParameterError(f"parameter {self.name} = {value!r}: allowed is {self.allowed}")
+        return ParameterError(
+            f"parameter {self.name} = {_in_a_line(value)}: allowed is {self.allowed}"
+        )
+
+
+def _in_a_line(value: Any) -> str:
+    """Write a value, cut where it is long."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST_VALUE else text[:LONGEST_VALUE] + " ..."
 
 
 def parameter(
@@ -137,21 +168,26 @@ def parameter(
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def specifications(table: type) -> dict[str, Specification]:
+def specifications(table: type) -> Mapping[str, Specification]:
     """Return the declared parameters of a table, by name, in the order of declaration."""
+    return _specifications(typing.cast(Hashable, table))
+
+
+@lru_cache(maxsize=64)
+def _specifications(table: Any) -> Mapping[str, Specification]:
     kinds = typing.get_type_hints(table)
     found = {}
     for item in dataclasses.fields(table):
         if "description" not in item.metadata:
             continue
-        if item.default is not dataclasses.MISSING:
-            default = item.default
-        else:
-            default = item.default_factory()  # type: ignore[misc]
+        factory = item.default_factory
         found[item.name] = Specification(
-            name=item.name, kind=kinds[item.name], default=default, **item.metadata
+            name=item.name,
+            kind=kinds[item.name],
+            default=factory() if callable(factory) else item.default,
+            **item.metadata,
         )
-    return found
+    return MappingProxyType(found)  # cached, hence not to be changed
 
 
 def from_mapping(table: type[T], values: Mapping[str, Any]) -> T:
@@ -164,12 +200,15 @@ def from_mapping(table: type[T], values: Mapping[str, Any]) -> T:
         own ``__post_init__`` refuses.
     """
     known = specifications(table)
+    anything: object = values  # as it may come from a file
+    if not isinstance(anything, Mapping):
+        raise ParameterError(f"parameters = {_in_a_line(values)}: allowed are names with values")
     for name in values:
         if name not in known:
-            close = difflib.get_close_matches(name, known, n=1)
+            close = difflib.get_close_matches(str(name), known, n=1)
             hint = f", did you mean {close[0]}?" if close else ""
             raise ParameterError(
-                f"parameter {name}: unknown{hint} Allowed are {', '.join(sorted(known))}"
+                f"parameter {name}: unknown{hint}; allowed are {', '.join(sorted(known))}"
             )
     return table(**{name: known[name].check(value) for name, value in values.items()})
 

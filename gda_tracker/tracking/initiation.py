@@ -51,6 +51,24 @@ def two_point_states(
     return mean, covariance
 
 
+def bounded_speed(
+    mean: FloatArray, covariance: FloatArray, max_speed_mps: float
+) -> tuple[FloatArray, FloatArray]:
+    """States (N, 4) updated by what is known about speeds: none exceeds ``max_speed_mps``.
+
+    The uniform distribution of the velocity over the disc of this radius has mean zero and covariance
+    max_speed^2 / 4 per coordinate; it enters as a measurement of the velocity. Without it two inexact
+    positions in quick succession start tracks at speeds that no target has. (Compare the initial
+    covariance diag[R, v_max^2 I] of Koch 2014, (3.8).)
+    """
+    prior = (max_speed_mps / 2.0) ** 2 * np.eye(2)
+    spread = covariance[:, 2:, 2:] + prior
+    gain = covariance[:, :, 2:] @ np.linalg.inv(spread)
+    bounded = mean - (gain @ mean[:, 2:, None])[:, :, 0]
+    reduced = covariance - gain @ spread @ gain.transpose(0, 2, 1)
+    return bounded, 0.5 * (reduced + reduced.transpose(0, 2, 1))
+
+
 @dataclass(slots=True)
 class StartPoints:
     """Detections of the last scans that belong to no track yet.

@@ -26,7 +26,12 @@ from gda_tracker.tracking.answers import (
 )
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
 from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
-from gda_tracker.tracking.initiation import NewTracks, StartPoints, start_tracks
+from gda_tracker.tracking.initiation import (
+    NewTracks,
+    StartPoints,
+    bounded_speed,
+    start_tracks,
+)
 from gda_tracker.tracking.lifecycle import confirmed, ended
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.waiting_room import WaitingRoom
@@ -419,6 +424,7 @@ class TrackManager:
             max_speed_mps=p.max_speed_mps,
             memory_scans=p.initiation_memory_scans,
         )
+        new.mean, new.covariance = bounded_speed(new.mean, new.covariance, p.max_speed_mps)
         room = max(p.max_tracks - len(table), 0)
         if len(new.detection) > room:
             self.counters["max_tracks_reached"] += len(new.detection) - room

@@ -10,7 +10,12 @@ from hypothesis import strategies as st
 
 from gda_tracker.kinematics.sensor_models import PolarMeasurements, cartesian_positions
 from gda_tracker.tracking import initiation
-from gda_tracker.tracking.initiation import StartPoints, start_tracks, two_point_states
+from gda_tracker.tracking.initiation import (
+    StartPoints,
+    bounded_speed,
+    start_tracks,
+    two_point_states,
+)
 
 SECOND = 1_000_000_000
 R = np.diag([10.0**2, 0.001**2])
@@ -278,3 +283,36 @@ def test_five_thousand_detections_in_a_scan_are_no_stall():
     assert (5.0 * speeds <= 500.0 + 3.0 * math.sqrt(2 * (100.0 + 1e10 * 1e-6))).all()
     assert len(set(started[1].detection.tolist())) == len(started[1].detection)
     assert len(position) == 5000
+
+
+# --- the bound on the speed
+
+
+def test_bounded_speed_is_the_kalman_update_with_a_measured_velocity_of_zero():
+    from filterpy.kalman import KalmanFilter
+
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(3, 4, 4))
+    covariance = root @ root.transpose(0, 2, 1)
+    mean = rng.normal(scale=30.0, size=(3, 4))
+    bounded, reduced = bounded_speed(mean, covariance, 8.0)
+    for i in range(3):
+        peer = KalmanFilter(dim_x=4, dim_z=2)
+        peer.x, peer.P = mean[i].copy(), covariance[i].copy()
+        peer.H = np.hstack([np.zeros((2, 2)), np.eye(2)])
+        peer.R = 16.0 * np.eye(2)
+        peer.update(np.zeros(2))
+        np.testing.assert_allclose(bounded[i], peer.x, rtol=1e-9)
+        np.testing.assert_allclose(reduced[i], peer.P, rtol=1e-9, atol=1e-12)
+
+
+def test_bounded_speed_matters_only_where_speeds_are_unknown():
+    """Precise positions keep their velocity; two echoes at 40 m/s with 30 m of noise lose theirs."""
+    state = np.array([[0.0, 0.0, 40.0, 0.0]])
+    for std_m, low, high in ((0.01, 39.9, 40.0), (30.0, 0.0, 2.0)):
+        noise = std_m**2 * np.eye(2)[None]
+        _, covariance = two_point_states(
+            np.zeros((1, 2)), noise, state[:, 2:] * 1.68, noise, np.array([1.68])
+        )
+        bounded, _ = bounded_speed(state, covariance, 10.0)
+        assert low <= bounded[0, 2] <= high
