@@ -36,10 +36,16 @@ def labelled_tracks(
     Raises
     ------
     ValueError
-        If the truth does not label every target's detection in each of these scans.
+        If the recording has too few scans, or its truth does not label every target's detection in
+        each of these scans.
     """
     if recording.truth is None or n_initiation_scans < 2:
         raise ValueError("labelled initiation needs truth and at least two scans")
+    if len(recording.detections) < n_initiation_scans:
+        raise ValueError(
+            f"{recording.name}: {len(recording.detections)} scans, labelled initiation needs "
+            f"{n_initiation_scans}"
+        )
     tables = stage_parameters(parameters)
     manager = tables["track_manager"]
     fuzzifier = RcsFuzzifier(tables["rcs_fuzzifier"])
@@ -70,11 +76,23 @@ def labelled_tracks(
             conflict = np.zeros(count)
         elif manager.attribute_term != "none":
             fused = fuse_pairs(
-                manager.attribute_term, frame, focal, masses, classes, evidence, rows
+                manager.attribute_term,
+                frame,
+                focal,
+                masses,
+                classes,
+                evidence,
+                rows,
+                tables["attribute_fusion"].forgetting_factor,
             )
             classes, conflict = fused.class_probability, fused.conflict
             if fused.masses.shape[1]:
                 focal, masses = fused.focal, fused.masses
+    if stamps[-1] <= stamps[-2]:
+        raise ValueError(
+            f"{recording.name}: stamps {stamps[-2]} and {stamps[-1]} ns of scans "
+            f"{n_initiation_scans - 2} and {n_initiation_scans - 1} do not rise"
+        )
     dt = np.full(count, (stamps[-1] - stamps[-2]) / 1e9)
     mean, covariance = two_point_states(
         positions[-2], covariances[-2], positions[-1], covariances[-1], dt
