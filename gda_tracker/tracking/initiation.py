@@ -56,10 +56,10 @@ def bounded_speed(
 ) -> tuple[FloatArray, FloatArray]:
     """States (N, 4) updated by what is known about speeds: none exceeds ``max_speed_mps``.
 
-    The uniform distribution of the velocity over the disc of this radius has mean zero and covariance
-    max_speed^2 / 4 per coordinate; it enters as a measurement of the velocity. Without it two inexact
-    positions in quick succession start tracks at speeds that no target has. (Compare the initial
-    covariance diag[R, v_max^2 I] of Koch 2014, (3.8).)
+    The uniform distribution of the velocity over the disc of this radius has mean zero and
+    covariance max_speed^2 / 4 per coordinate; it enters as a measurement of the velocity. Without
+    it two inexact positions in quick succession start tracks at speeds that no target has.
+    (Compare the initial covariance diag[R, v_max^2 I] of Koch 2014, (3.8).)
     """
     prior = (max_speed_mps / 2.0) ** 2 * np.eye(2)
     spread = covariance[:, 2:, 2:] + prior
@@ -140,13 +140,13 @@ def start_tracks(
     new, points
         The new tracks, and the start points that wait for the next scan.
     """
-    positions, covariances = cartesian_positions(measurements)
-    position, covariance = positions[unassigned], covariances[unassigned]
-    offset = measurements.time_offset_s
-    stamps = np.full(len(unassigned), stamp_ns, dtype=np.int64)
+    free = measurements.select(unassigned)
+    position, covariance = cartesian_positions(free)
+    offset = free.time_offset_s
+    stamps = np.full(len(free), stamp_ns, dtype=np.int64)
     if offset is not None:
-        stamps += np.round(offset[unassigned] * 1e9).astype(np.int64)
-    fresh = StartPoints(position, covariance, stamps, np.zeros(len(stamps), dtype=np.int64))
+        stamps += np.round(offset * 1e9).astype(np.int64)
+    fresh = StartPoints(position, covariance, stamps, np.zeros(len(free), dtype=np.int64))
     older, newer, cost = _allowed_pairs(points, fresh, max_speed_mps)
     older, newer = _match(older, newer, cost)
 
@@ -158,7 +158,7 @@ def start_tracks(
         (stamps[newer] - points.stamp_ns[older]) / 1e9,
     )
     if offset is not None:
-        mean, start_covariance = _move_back(mean, start_covariance, offset[unassigned[newer]])
+        mean, start_covariance = _move_back(mean, start_covariance, offset[newer])
     new = NewTracks(
         mean,
         start_covariance,
@@ -169,9 +169,10 @@ def start_tracks(
     waiting = points.age_scans + 1 < memory_scans
     waiting[older] = False
     kept = points.select(waiting)
-    free = np.ones(len(unassigned), dtype=bool)
-    free[newer] = False
-    fresh = fresh.select(free)
+    if len(newer):
+        alone = np.ones(len(fresh), dtype=bool)
+        alone[newer] = False
+        fresh = fresh.select(alone)
     return new, StartPoints(
         np.concatenate([kept.position, fresh.position]),
         np.concatenate([kept.covariance, fresh.covariance]),
@@ -188,8 +189,8 @@ def _allowed_pairs(
     Only detections within a strip of x around a start point are compared with it: no matrix of all
     pairs in a scan full of clutter.
     """
-    variance = np.trace(points.covariance, axis1=1, axis2=2)
-    fresh_variance = np.trace(fresh.covariance, axis1=1, axis2=2)
+    variance = points.covariance[:, 0, 0] + points.covariance[:, 1, 1]
+    fresh_variance = fresh.covariance[:, 0, 0] + fresh.covariance[:, 1, 1]
     if not len(points) or not len(fresh):
         none = np.zeros(0, dtype=np.int64)
         return none, none, np.zeros(0)

@@ -20,6 +20,8 @@ def confirmed(
     status: IntArray, history: IntArray, confirmation_hits: int, confirmation_scans: int
 ) -> IntArray:
     """Return the status (N,) after M-of-N confirmation: M hits within the last N scans."""
+    if (status == CONFIRMED).all():
+        return status
     enough = hits_in_window(history, confirmation_scans) >= confirmation_hits
     return np.where((status == CONFIRMED) | enough, CONFIRMED, TENTATIVE).astype(np.int64)
 
@@ -42,6 +44,8 @@ def ended(
     longer reach M hits within the N scans after its start.
     """
     never = np.iinfo(np.int64).max
+    if (status == CONFIRMED).all():
+        return coasted_scans >= (deletion_misses or never)
     limit = np.where(
         status == CONFIRMED, deletion_misses or never, tentative_deletion_misses or never
     )

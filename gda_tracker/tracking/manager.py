@@ -294,9 +294,16 @@ class TrackManager:
         )
 
     def close(
-        self, evidence: Evidence | None, scores: AttributeScores | None, associations: Associations
+        self,
+        evidence: Evidence | None,
+        scores: AttributeScores | None,
+        associations: Associations,
+        *,
+        trusted: bool = False,
     ) -> tuple[Tracks, ScanReport]:
         """Apply the decision on the open scan.
+
+        ``trusted`` answers come from the same process, not in messages, and are not checked.
 
         Raises
         ------
@@ -304,9 +311,10 @@ class TrackManager:
             If an answer does not fit the open scan; nothing has changed then.
         """
         opened = self._require_open()
-        check_answers(
-            opened.scan.key, len(opened.table), len(opened.scan), evidence, scores, associations
-        )
+        if not trusted:
+            check_answers(
+                opened.scan.key, len(opened.table), len(opened.scan), evidence, scores, associations
+            )
         if opened.predictions.settings.attribute_term == "none":
             # The attribute was not asked: tracks carry no belief about it.
             evidence = scores = None

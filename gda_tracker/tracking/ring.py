@@ -101,5 +101,5 @@ class Ring:
         pairs = gate(scan, predictions)
         scores = self.fusion(predictions, evidence, pairs.hypothesis, pairs.detection)
         associations = self.associate(scan, predictions, scores, pairs)
-        tracks, report = self.manager.close(evidence, scores, associations)
+        tracks, report = self.manager.close(evidence, scores, associations, trusted=True)
         return RingResult(report, tracks, scan, predictions, evidence, scores, associations)

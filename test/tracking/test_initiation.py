@@ -307,7 +307,7 @@ def test_bounded_speed_is_the_kalman_update_with_a_measured_velocity_of_zero():
 
 
 def test_bounded_speed_matters_only_where_speeds_are_unknown():
-    """Precise positions keep their velocity; two echoes at 40 m/s with 30 m of noise lose theirs."""
+    """Precise positions keep their velocity; two echoes at 40 m/s with 30 m of noise lose it."""
     state = np.array([[0.0, 0.0, 40.0, 0.0]])
     for std_m, low, high in ((0.01, 39.9, 40.0), (30.0, 0.0, 2.0)):
         noise = std_m**2 * np.eye(2)[None]
