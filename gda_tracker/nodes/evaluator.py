@@ -17,7 +17,7 @@ import numpy as np
 from gda_tracker_msgs import msg
 
 from gda_tracker.evaluation.continuity import score_continuity
-from gda_tracker.evaluation.purity import confusion_counts, purity
+from gda_tracker.evaluation.summary import pair_with_truth, run_purity
 from gda_tracker.io.messages import (
     MessageError,
     scan_report_from_message,
@@ -105,56 +105,50 @@ class EvaluatorNode(RingNode):
         return self._tracks, self._truth
 
     def scores(self) -> dict[str, Any]:
-        """Scores over all scans for which both tracks and truth have come."""
-        keys = sorted(set(self._tracks) & set(self._truth), key=lambda key: key[1])
-        result: dict[str, Any] = {"scans": len(keys)}
-        if not keys:
+        """Scores over all scans for which both tracks and truth have come, run by run."""
+        runs = pair_with_truth(self._tracks, self._truth)
+        result: dict[str, Any] = {"scans": sum(len(run.tracks) for run in runs), "runs": len(runs)}
+        if not runs:
             return result
-        tracks = [self._tracks[key] for key in keys]
-        truth = [self._truth[key] for key in keys]
-        latency = [self._latency[key] for key in keys if key in self._latency]
         p = self.parameters
-        found = score_continuity(
-            tracks,
-            truth,
-            match_distance_m=p.match_distance_m,
-            truth_is_partial=p.truth_is_partial,
-            latency_s=latency,
-        )
+        found = [
+            score_continuity(
+                run.tracks,
+                run.truth,
+                match_distance_m=p.match_distance_m,
+                truth_is_partial=p.truth_is_partial,
+            )
+            for run in runs
+        ]
         result |= {
-            "completeness": found.completeness,
-            "completeness_per_target": found.completeness_per_target.tolist(),
-            "target_id": found.target_id.tolist(),
-            "identity_switches": found.identity_switches,
-            "identity_flips": found.identity_flips,
-            "confirmed_tracks": found.confirmed_tracks,
-            "false_tracks": found.false_tracks,
-            "position_rmse_m": found.position_rmse_m,
             "match_distance_m": p.match_distance_m,
+            "completeness": float(np.mean([score.completeness for score in found])),
+            "identity_switches": sum(score.identity_switches for score in found),
+            "identity_flips": sum(score.identity_flips for score in found),
+            "confirmed_tracks": sum(score.confirmed_tracks for score in found),
+            "false_tracks": (
+                None if p.truth_is_partial else sum(score.false_tracks or 0 for score in found)
+            ),
+            "per_run": [
+                {
+                    "target_id": score.target_id.tolist(),
+                    "completeness": score.completeness_per_target.tolist(),
+                    "identity_switches": score.switches.tolist(),
+                    "position_rmse_m": score.position_rmse_m,
+                }
+                for score in found
+            ],
         }
+        latency = list(self._latency.values())
         if latency:
             result |= {
                 "latency_ms_median": 1e3 * float(np.median(latency)),
                 "latency_ms_p99": 1e3 * float(np.percentile(latency, 99)),
             }
         if self._labelled:
-            result["purity_per_run"] = self._purity(tracks, truth)
+            result["purity_per_run"] = [run_purity(run) for run in runs]
             result["purity_mean"] = float(np.mean(result["purity_per_run"]))
         return result
-
-    @staticmethod
-    def _purity(tracks: list[Tracks], truth: list[ScanTruth]) -> list[float]:
-        """Mean purity of the tracks of each run; track i of a run belongs to its i-th target."""
-        found = []
-        for run in sorted({t.run for t in truth}):
-            rows = [i for i, t in enumerate(truth) if t.run == run]
-            ids = np.sort(tracks[rows[0]].track_id)
-            targets = np.sort(truth[rows[0]].target_id)
-            counts = confusion_counts(
-                [tracks[i] for i in rows], [truth[i] for i in rows], ids, targets
-            )
-            found.append(float(np.mean(purity(counts))))
-        return found
 
     def figures(self) -> dict[str, Any]:
         """The scores for diagnostics, computed again when a tenth more scans have come."""
