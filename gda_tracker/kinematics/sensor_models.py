@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
 from gda_tracker.vocabulary.scans import Scan
 
 TWO_PI = 2.0 * math.pi
@@ -41,6 +41,16 @@ class PolarMeasurements:
 
     def __len__(self) -> int:
         return len(self.range_m)
+
+    def select(self, rows: IntArray) -> PolarMeasurements:
+        """Return the measurements of the given rows."""
+        return PolarMeasurements(
+            self.range_m[rows],
+            self.azimuth_rad[rows],
+            self.covariance[rows],
+            self.sensor_xy_m,
+            None if self.time_offset_s is None else self.time_offset_s[rows],
+        )
 
 
 def polar_measurements(scan: Scan) -> PolarMeasurements:

@@ -432,6 +432,8 @@ class TrackManager:
             max_speed_mps=p.max_speed_mps,
             memory_scans=p.initiation_memory_scans,
         )
+        if not len(new.detection):
+            return table, points
         new.mean, new.covariance = bounded_speed(new.mean, new.covariance, p.max_speed_mps)
         room = max(p.max_tracks - len(table), 0)
         if len(new.detection) > room:
