@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measuring import RESULTS, table, write_results
+from benchmarks.measuring import RESULTS, cpu_seconds, table, write_results
 from benchmarks.scenarios import SceneParameters, save_scene
 from gda_tracker.io.adapters import load_recording
 from gda_tracker.simulation.playback import RUN_SPACING_NS
@@ -72,7 +72,7 @@ def through_processes(
     scenes: Sequence[Sequence[Detections]],
     parameters: Mapping[str, Mapping[str, Any]],
     observe: bool,
-) -> dict[str, list[list[float]]]:
+) -> tuple[dict[str, list[list[float]]], dict[str, float]]:
     """Play all scenes through four processes.
 
     Returns
@@ -80,6 +80,8 @@ def through_processes(
     dict
         Per scene and scan: ``latency`` of the report and ``round_trip`` [s]; with ``observe`` also
         the time from one publication to the next under the names of ``STAGES`` [s].
+    dict
+        CPU time per scan of each process, over all scenes but the first [s].
     """
     from benchmarks.probe import Probe
     from gda_tracker.nodes.runner import Nodes, RingProcesses, private_environment, use_environment
@@ -105,7 +107,10 @@ def through_processes(
         if not nodes.spin_until(probe.matched, SCAN_TIMEOUT_S, watch):
             raise RuntimeError("the ring did not come up")
         found: dict[str, list[list[float]]] = {}
+        begin: dict[str, float] = {}
         for number, scene in enumerate(scenes):
+            if number == 1:
+                begin = {name: cpu_seconds(p.pid) for name, p in ring.processes.items()}
             for values in found.values():
                 values.append([])
             for detections in scene:
@@ -116,7 +121,12 @@ def through_processes(
                     _check(probe)
                 for name, value in _figures(probe, observe).items():
                     found.setdefault(name, [[]])[-1].append(value)
-        return found
+        scans = sum(len(scene) for scene in scenes[1:])
+        cpu = {
+            name: (cpu_seconds(process.pid) - begin[name]) / scans
+            for name, process in ring.processes.items()
+        }
+        return found, cpu
 
 
 def _check(probe: Any) -> None:
@@ -160,11 +170,13 @@ def measure(targets: int, scans: int, seed: int, method: str, stages: bool) -> d
     """All figures for one number of targets, in ms."""
     with tempfile.TemporaryDirectory() as folder:
         scenes, parameters = scenes_of(targets, scans, seed, Path(folder), method)
-    passes = {"processes": through_processes(scenes, parameters, observe=False)}
+    through, cpu = through_processes(scenes, parameters, observe=False)
+    passes = {"processes": through}
     passes["offline"] = offline(scenes, parameters)
     if stages:
-        passes["publications"] = through_processes(scenes, parameters, observe=True)
+        passes["publications"] = through_processes(scenes, parameters, observe=True)[0]
     result: dict[str, Any] = {"targets": targets, "method": method}
+    result["cpu_ms_per_scan"] = {name: 1e3 * seconds for name, seconds in cpu.items()}
     for name, figures in passes.items():
         result[name] = {key: _summary(warm(values)) for key, values in figures.items()}
     result["scans"] = len(warm(passes["processes"]["latency"]))
@@ -228,6 +240,12 @@ def main(arguments: list[str] | None = None) -> int:
             for r in results
         ]
         print(table(["targets", *names], rows))
+    print("\nCPU time per scan of each process, ms")
+    nodes = list(results[0]["cpu_ms_per_scan"])
+    rows = [
+        [r["targets"], *(round(r["cpu_ms_per_scan"][node], 2) for node in nodes)] for r in results
+    ]
+    print(table(["targets", *nodes], rows))
     content = {"warm_up_scans": WARM_UP_SCANS, "scenes": SCENES, "results": results}
     print(f"written: {write_results(a.json, {'seed': a.seed, **content})}")
     return 0

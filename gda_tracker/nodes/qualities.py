@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-RING_TOPICS = ("scans", "evidence", "predictions", "attribute_scores", "associations")
-
 
 def latched(depth: int = 1) -> QoSProfile:
     """Reliable and transient local: who comes late still gets the open scan."""
@@ -35,10 +33,3 @@ def sensor(depth: int, reliability: str) -> QoSProfile:
         reliability=ReliabilityPolicy[reliability.upper()],
         durability=DurabilityPolicy.VOLATILE,
     )
-
-
-def quality_of(topic: str) -> QoSProfile:
-    """The quality with which the suite publishes a topic, by its relative name."""
-    if topic in RING_TOPICS or topic == "initial_tracks":
-        return latched()
-    return stream()
