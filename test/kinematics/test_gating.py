@@ -241,3 +241,27 @@ def test_permuting_states_and_detections_permutes_the_pairs():
     for h, d, value in zip(one.hypothesis, one.detection, one.log_likelihood, strict=True):
         assert back.pop((int(h), int(d))) == pytest.approx(value, rel=1e-12)
     assert not back
+
+
+@pytest.mark.parametrize("offset", [None, -1.5], ids=["one_time", "time_offset"])
+@pytest.mark.parametrize("axis", [0, 1], ids=["range", "azimuth"])
+def test_the_gate_ends_at_its_threshold(axis, offset):
+    """Detections a hair inside and outside on one axis, uncertain along this axis alone."""
+    tau = 0.0 if offset is None else offset
+    mean = np.array([[20e3, 0.0, 10.0, 0.0]])
+    covariance = np.zeros((1, 4, 4))
+    # Position and velocity go together, so that the offset takes away or adds to the variance.
+    along = np.array([500.0, 200.0])
+    covariance[0][np.ix_([axis, axis + 2], [axis, axis + 2])] = np.outer(along, along)
+    spread = along[0] + tau * along[1]
+    distance = 20e3 + tau * 10.0
+    sigma = [math.hypot(spread, 60.0), math.hypot(spread / distance, 0.005)][axis]
+    edge = (
+        math.sqrt(chi2.ppf(0.99, 2)) * sigma * np.array([-1 - 1e-6, -1 + 1e-6, 1 - 1e-6, 1 + 1e-6])
+    )
+    ranges = distance + (edge if axis == 0 else np.zeros(4))
+    azimuths = edge if axis == 1 else np.zeros(4)
+    pairs = gate(
+        scan_of(ranges, azimuths, R, time_offset_s=offset), predictions_of(mean, covariance)
+    )
+    assert pairs.detection.tolist() == [1, 2]

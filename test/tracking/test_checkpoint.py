@@ -101,6 +101,21 @@ def test_the_last_scan_is_answered_again_after_a_restart(tmp_path):
     assert other.process(SCANS[8]).report.reason == "late"
 
 
+def test_that_the_last_scan_was_given_up_is_remembered(tmp_path):
+    path = tmp_path / "state"
+    ring = fresh_ring()
+    for scan in SCANS[:5]:
+        ring.process(scan)
+    ring.manager.admit(SCANS[5])
+    ring.manager.open()
+    tracks, report = ring.manager.give_up()
+    assert tracks.degraded
+    checkpoint.save(ring.manager, path)
+    again = restored(path).process(SCANS[5])
+    assert again.report.outcome == report.outcome == "gave_up"
+    assert_same(again.tracks, tracks)
+
+
 def test_sensors_of_the_last_stamp_are_remembered(tmp_path):
     path = tmp_path / "state"
     ring = fresh_ring()

@@ -87,6 +87,14 @@ def test_a_long_silence_starts_anew():
     assert len(result.tracks) == 0
 
 
+def test_no_track_starts_across_a_long_silence():
+    """A detection before and one after would be a slow target; the silence is longer than that."""
+    for silence_s, count in ((59.0, 1), (61.0, 0)):
+        ring = ring_of(max_gap_s=60.0)
+        ring.process(scan_at(0.0, [moving(0)]))
+        assert len(ring.process(scan_at(silence_s, [moving(1)])).tracks) == count
+
+
 def test_waiting_scans_are_opened_in_time_order():
     ring = tracking_ring()
     for stamp in (9, 7, 8, 5, 6):

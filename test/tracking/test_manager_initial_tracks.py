@@ -47,6 +47,10 @@ def test_what_lived_ends_and_beliefs_are_taken_over():
     result = ring.process(scan_at(11, [moving(11), moving(11, (3500.0, 1000.0))]))
     assert result.tracks.track_id.tolist() == [2, 3]
     np.testing.assert_array_equal(result.tracks.hits, 3)
+    for k in (12, 13):
+        newcomer = ring.process(scan_at(k, [moving(k, (1000.0, 3000.0))])).tracks
+    assert newcomer.track_id.tolist() == [2, 3, 4]
+    assert newcomer.hypothesis_id.tolist() == [2, 3, 4]
 
 
 def test_the_manager_shares_no_memory_with_the_message():

@@ -60,6 +60,29 @@ def test_the_row_of_a_track_says_what_happened():
     np.testing.assert_allclose(tracks.mean[one, :2], moving(7, *ONE), atol=2.0)
 
 
+@pytest.mark.parametrize(
+    ("hits", "scans", "pattern", "story"),
+    [
+        # The miss between the two first detections counts like any other.
+        (3, 4, "1011", ["", "", "t", "C"]),
+        (3, 3, "10111", ["", "", "t", "X", ""]),
+        (3, 4, "10101", ["", "", "t", "X", ""]),
+        (3, 5, "10101", ["", "", "t", "t", "C"]),
+        (2, 3, "101", ["", "", "C"]),
+    ],
+)
+def test_a_start_after_a_miss_remembers_the_miss(hits, scans, pattern, story):
+    ring = ring_of(confirmation_hits=hits, confirmation_scans=scans, tentative_deletion_misses=0)
+    seen_story, starts = [], []
+    for k, visible in enumerate(pattern):
+        tracks = seen(ring, k, *([ONE] if visible == "1" else [])).tracks
+        line = "".join("tC"[s] for s in tracks.status)
+        seen_story.append("X" if len(tracks.deleted_track_id) else line)
+        starts += [(h, m) for h, m in zip(tracks.hits, tracks.misses, strict=True) if not starts]
+    assert seen_story == story
+    assert starts == [(2, 1)]
+
+
 @pytest.mark.parametrize("term", TERMS)
 def test_every_term_tracks_the_same_clear_scene(term):
     ring = ring_of(attribute_term=term)
