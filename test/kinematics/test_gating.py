@@ -243,7 +243,7 @@ def test_permuting_states_and_detections_permutes_the_pairs():
     assert not back
 
 
-@pytest.mark.parametrize("offset", [None, -1.5], ids=["one_time", "time_offset"])
+@pytest.mark.parametrize("offset", [None, -1.5, 1.5])
 @pytest.mark.parametrize("axis", [0, 1], ids=["range", "azimuth"])
 def test_the_gate_ends_at_its_threshold(axis, offset):
     """Detections a hair inside and outside on one axis, uncertain along this axis alone."""
