@@ -225,7 +225,9 @@ def _match(older: IntArray, newer: IntArray, cost: FloatArray) -> tuple[IntArray
         i, j = linear_sum_assignment(dense)
         good = dense[i, j] < alone
     else:
-        own = np.arange(len(rows))
+        # The solver of older scipy takes 32-bit indices alone.
+        own = np.arange(len(rows), dtype=np.int32)
+        row, column = row.astype(np.int32), column.astype(np.int32)
         sparse = csr_array(
             (
                 # The solver takes a zero for no edge; one more for each row changes no choice.
