@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ SMALLEST_VARIANCE, LARGEST_VARIANCE = 1e-18, 1e18
 # Least determinant of a correlation matrix that counts as positive definite.
 SMALLEST_MINOR = 1e-12
 
+DEVIATIONS = ("range_std_m", "azimuth_std_rad", "elevation_std_rad", "range_rate_std_mps")
 OPTIONAL_QUANTITIES = ("elevation_rad", "range_rate_mps", "rcs_m2", "time_offset_s")
 
 
@@ -79,18 +81,22 @@ def validate(
     keep = np.ones(n, dtype=bool)
     needed = measured if offset is None else [*measured, offset]
     finite = np.logical_and.reduce([np.isfinite(q) for q in needed])
-    _leave_out(keep, ~finite, "not_finite", counts)
-    _leave_out(keep, range_m < 0.0, "negative_range", counts)
-    _leave_out(keep, range_m == 0.0, "zero_range", counts)
-    _leave_out(keep, range_m > LARGEST_RANGE_M, "range_too_large", counts)
-    if offset is not None:
-        too_far = np.abs(offset) > LARGEST_TIME_OFFSET_S
-        _leave_out(keep, too_far, "time_offset_too_large", counts)
-    if detections.covariance is None:
-        covariance, good = _from_deviations(detections, noise, n)
-    else:
+    if detections.covariance is not None:
         covariance, good = _given_covariance(detections.covariance, n, len(measured))
-    _leave_out(keep, ~good, "bad_noise", counts)
+    elif all(getattr(detections, name) is None for name in DEVIATIONS):
+        covariance, good = _from_parameters(detections, noise, n)
+    else:
+        covariance, good = _from_deviations(detections, noise, n)
+    sound = finite & (range_m > 0.0) & (range_m <= LARGEST_RANGE_M) & good
+    if offset is not None or not sound.all():
+        _leave_out(keep, ~finite, "not_finite", counts)
+        _leave_out(keep, range_m < 0.0, "negative_range", counts)
+        _leave_out(keep, range_m == 0.0, "zero_range", counts)
+        _leave_out(keep, range_m > LARGEST_RANGE_M, "range_too_large", counts)
+        if offset is not None:
+            too_far = np.abs(offset) > LARGEST_TIME_OFFSET_S
+            _leave_out(keep, too_far, "time_offset_too_large", counts)
+        _leave_out(keep, ~good, "bad_noise", counts)
 
     rows = np.flatnonzero(keep)
     azimuth = azimuth[rows]
@@ -210,6 +216,30 @@ def _from_deviations(
     diagonal = np.arange(len(deviations))
     covariance[:, diagonal, diagonal] = variance
     return covariance, _plausible(variance)
+
+
+def _from_parameters(
+    detections: Detections, noise: DefaultNoise, n: int
+) -> tuple[FloatArray, BoolArray]:
+    """Noise covariance (n, d, d) of a scan without noise of its own, and whether it is good."""
+    covariance, good = _default_covariance(
+        noise, detections.elevation_rad is not None, detections.range_rate_mps is not None
+    )
+    return np.repeat(covariance, n, axis=0), np.repeat(good, n)
+
+
+@lru_cache(maxsize=64)
+def _default_covariance(
+    noise: DefaultNoise, elevation: bool, range_rate: bool
+) -> tuple[FloatArray, BoolArray]:
+    deviations = [noise.range_std_m, noise.azimuth_std_rad]
+    if elevation:
+        deviations.append(noise.elevation_std_rad)
+    if range_rate:
+        deviations.append(noise.range_rate_std_mps)
+    # As a product: a power of Python floats raises where it overflows.
+    variance = np.array([[deviation * abs(deviation) for deviation in deviations]])
+    return np.diag(variance[0])[None], _plausible(variance)
 
 
 def _given_covariance(values: Any, n: int, d: int) -> tuple[FloatArray, BoolArray]:
