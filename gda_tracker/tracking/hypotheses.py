@@ -49,6 +49,13 @@ class HypothesisTable:
     def __len__(self) -> int:
         return len(self.hypothesis_id)
 
+    def copy(self) -> HypothesisTable:
+        """Return a table that shares the arrays; assigning to one of its fields leaves this one."""
+        twin = object.__new__(HypothesisTable)
+        for name in ALL_FIELDS:
+            setattr(twin, name, getattr(self, name))
+        return twin
+
     def select(self, rows: np.ndarray) -> HypothesisTable:
         """Return a table with the given rows or mask."""
         columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in ROW_FIELDS}
@@ -99,4 +106,5 @@ def move_columns(masses: FloatArray, focal: MaskArray, columns: MaskArray) -> Fl
 
 
 WHOLE_FIELDS = ("frame", "focal", "class_names")
-ROW_FIELDS = tuple(f.name for f in fields(HypothesisTable) if f.name not in WHOLE_FIELDS)
+ALL_FIELDS = tuple(f.name for f in fields(HypothesisTable))
+ROW_FIELDS = tuple(name for name in ALL_FIELDS if name not in WHOLE_FIELDS)

@@ -253,7 +253,8 @@ class TrackManager:
         if len(table) and dt_s != 0.0:
             transition, noise = constant_velocity(dt_s, p.process_noise_std_mps2)
             mean, covariance = predict(table.mean, table.covariance, transition, noise)
-            table = replace(table, mean=mean, covariance=covariance)
+            table = table.copy()
+            table.mean, table.covariance = mean, covariance
         self.opened = OpenScan(
             scan,
             self._predictions(scan.key, table),
@@ -318,7 +319,7 @@ class TrackManager:
         if opened.predictions.settings.attribute_term == "none":
             # The attribute was not asked: tracks carry no belief about it.
             evidence = scores = None
-        table = replace(opened.table)
+        table = opened.table.copy()
         assigned = associations.assigned_detection
         hit = assigned >= 0
         self._update_states(opened.scan, table, hit, assigned)
@@ -362,7 +363,7 @@ class TrackManager:
     def give_up(self) -> tuple[Tracks, ScanReport]:
         """Close the open scan without an answer: tracks are predicted, no miss counts."""
         opened = self._require_open()
-        table = replace(opened.table)
+        table = opened.table.copy()
         table.detection_index = np.full(len(table), -1, dtype=np.int64)
         points = StartPoints() if opened.started else self.state.points
         return self._finish(opened, table, points, opened.ended_track_id, "gave_up")
