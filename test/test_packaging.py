@@ -135,7 +135,8 @@ def test_installed_resources_are_those_of_the_checkout(tmp_path):
     code = (
         "from gda_tracker.resources import share_directory; import json;"
         "share = share_directory();"
-        "files = [p.relative_to(share).as_posix() for p in share.rglob('*') if p.is_file()];"
+        "files = [p.relative_to(share).as_posix() for p in share.rglob('*')"
+        " if p.is_file() and p.suffix != '.pyc'];"
         "print(json.dumps([str(share), sorted(files)]))"
     )
     share, installed = run_python(code, tmp_path, AMENT_PREFIX_PATH="")
