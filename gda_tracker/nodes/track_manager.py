@@ -232,8 +232,13 @@ class TrackManagerNode(RingNode):
         self._answers.clear()
 
     def _save(self) -> None:
-        if self._checkpoint is not None:
+        if self._checkpoint is None:
+            return
+        try:
             checkpoint.save(self.manager, self._checkpoint)
+        except checkpoint.CheckpointError as error:
+            # A full disk must not stop the tracking; a restart then has an older state.
+            self.drop("checkpoint_failed", str(error))
 
     def _report(self, report: ScanReport) -> None:
         self._reports.publish(scan_report_to_message(report))

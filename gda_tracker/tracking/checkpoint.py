@@ -27,7 +27,8 @@ import numpy as np
 
 from gda_tracker.tracking.hypotheses import ROW_FIELDS, HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
-from gda_tracker.tracking.manager import ManagerState, TrackManager
+from gda_tracker.tracking.manager import TrackManager
+from gda_tracker.tracking.manager_state import ManagerState
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 
 MAGIC = b"gda_tracker checkpoint 2\n"

@@ -12,7 +12,7 @@ Between scans the state is at rest; :mod:`gda_tracker.tracking.checkpoint` write
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from gda_tracker.tracking.initiation import (
     start_tracks,
 )
 from gda_tracker.tracking.lifecycle import confirmed, ended
+from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.waiting_room import WaitingRoom
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
@@ -40,38 +41,6 @@ from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations, AssociationSettings, Predictions
 from gda_tracker.vocabulary.scans import Detections, Scan, ScanKey, ScanReport
 from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE, Tracks
-
-
-@dataclass(slots=True)
-class OpenScan:
-    """The scan that goes round the ring, and the hypotheses predicted to its time."""
-
-    scan: Scan
-    predictions: Predictions
-    table: HypothesisTable
-    ended_track_id: IntArray
-    started: bool
-    admitted_at: float
-    received: int
-    rejected: Counter[str]
-
-
-@dataclass(slots=True)
-class ManagerState:
-    """What a restart needs: hypotheses, start points, ids, the last closed scan."""
-
-    table: HypothesisTable = field(default_factory=HypothesisTable)
-    points: StartPoints = field(default_factory=StartPoints)
-    next_track_id: int = 1
-    next_hypothesis_id: int = 1
-    last_ns: int | None = None
-    last_sensors: tuple[str, ...] = ()
-    last_key: ScanKey | None = None
-    last_report: ScanReport | None = None
-    deleted_track_id: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    degraded: bool = False
-    initialised_from: tuple[bytes, int] | None = None
-    scans_closed: int = 0
 
 
 class TrackManager:

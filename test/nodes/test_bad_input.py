@@ -283,7 +283,7 @@ def test_live_parameters_act_or_are_refused_with_a_reason(domain, crossing):
         ((good, reason),) = change(gate_probability=1.5)
         assert not good
         assert "gate_probability = 1.5" in reason
-        assert "<= 1" in reason
+        assert "<= 0.999999" in reason
         assert change(deletion_misses=1)[0][0]
         # An integer for a number is taken.
         assert change(process_noise_std_mps2=20)[0][0]
@@ -305,7 +305,7 @@ def test_live_parameters_act_or_are_refused_with_a_reason(domain, crossing):
 
 
 WRONG = {
-    "gate_probability:=2.0": ("gate_probability = 2.0", "<= 1"),
+    "gate_probability:=2.0": ("gate_probability = 2.0", "<= 0.999999"),
     "gate_probabilty:=0.9": ("gate_probabilty", "gate_probability"),
     "decision:=best": ("decision = 'best'", "gda, map"),
     "confirmation_hits:=9": ("confirmation_hits = 9", "confirmation_scans"),
