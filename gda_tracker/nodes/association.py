@@ -14,14 +14,14 @@ from gda_tracker.io.messages import (
     predictions_from_message,
     scan_from_message,
 )
-from gda_tracker.kinematics.gating import gate
 from gda_tracker.nodes.base import spin_node
+from gda_tracker.nodes.gating_stage import GatingNode
 from gda_tracker.nodes.scan_table import Inputs
-from gda_tracker.nodes.stage import Input, StageNode
+from gda_tracker.nodes.stage import Input
 from gda_tracker.vocabulary.hypotheses import Associations
 
 
-class AssociationNode(StageNode):
+class AssociationNode(GatingNode):
     """``scans``, ``predictions`` and ``attribute_scores`` in, ``associations`` out."""
 
     inputs = (
@@ -51,7 +51,7 @@ class AssociationNode(StageNode):
         """Associate the gated pairs."""
         scan, predictions = entry["scans"], entry["predictions"]
         scores = None if predictions.settings.degraded else entry["attribute_scores"]
-        return self._associator(scan, predictions, scores, gate(scan, predictions))
+        return self._associator(scan, predictions, scores, self.pairs(entry))
 
 
 def main(arguments: list[str] | None = None) -> int:

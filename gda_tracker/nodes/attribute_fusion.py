@@ -14,14 +14,14 @@ from gda_tracker.io.messages import (
     predictions_from_message,
     scan_from_message,
 )
-from gda_tracker.kinematics.gating import gate
 from gda_tracker.nodes.base import spin_node
+from gda_tracker.nodes.gating_stage import GatingNode
 from gda_tracker.nodes.scan_table import Inputs
-from gda_tracker.nodes.stage import Input, StageNode
+from gda_tracker.nodes.stage import Input
 from gda_tracker.vocabulary.beliefs import AttributeScores
 
 
-class AttributeFusionNode(StageNode):
+class AttributeFusionNode(GatingNode):
     """``scans``, ``predictions`` and ``evidence`` in, ``attribute_scores`` out."""
 
     inputs = (
@@ -43,7 +43,7 @@ class AttributeFusionNode(StageNode):
 
     def compute(self, entry: Inputs) -> AttributeScores:
         """Fuse every gated pair."""
-        pairs = gate(entry["scans"], entry["predictions"])
+        pairs = self.pairs(entry)
         return self._fusion(
             entry["predictions"], entry["evidence"], pairs.hypothesis, pairs.detection
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import traceback
 from collections import Counter
@@ -266,6 +267,11 @@ def spin_node(make: Callable[[], Any], arguments: list[str] | None = None) -> in
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         node.autostart()
+        # What start-up made stays: without this, every look for garbage goes through all of it, and
+        # a scan of many tracks makes enough objects to ask for one.
+        gc.collect()
+        gc.freeze()
+        gc.set_threshold(50_000)
         while rclpy.ok() and not getattr(node, "finished", False):
             # The timer of the diagnostics wakes this at least once a second.
             executor.spin_once()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import fcntl
 import os
 import signal
 import subprocess
@@ -12,18 +13,23 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import rclpy
 import yaml
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
+from gda_tracker.errors import UserError
 from gda_tracker.resources import resource
 
 STAGES = ("track_manager", "rcs_fuzzifier", "attribute_fusion", "association")
 STOP_TIMEOUT_S = 5.0
 PR_SET_PDEATHSIG = 1
+
+# Domains beyond 101 collide with the ports that Linux hands out.
+DOMAINS = 101
+_reserved: list[TextIO] = []
 
 Parameters = Mapping[str, Mapping[str, Any]]
 
@@ -41,11 +47,33 @@ def transport_environment(base: Mapping[str, str] | None = None) -> dict[str, st
     return environment
 
 
+def reserve_domain() -> int:
+    """Return a ROS domain that no other process of this host has reserved, and reserve it.
+
+    It is held until this process ends: two rings in one domain would hear each other.
+    """
+    folder = Path(tempfile.gettempdir())
+    for step in range(DOMAINS):
+        domain = 1 + (os.getpid() + step) % DOMAINS
+        try:
+            lock = (folder / f"gda_tracker_domain_{domain}.lock").open("a")
+        except OSError:
+            continue  # another user's
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            continue
+        _reserved.append(lock)
+        return domain
+    raise UserError(f"no free ROS domain among 1 to {DOMAINS}; name one with --domain")
+
+
 def private_environment(domain: int | None = None) -> dict[str, str]:
     """Environment for a ring that nobody else shall see: this host only, a domain of its own."""
     environment = transport_environment()
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    environment["ROS_DOMAIN_ID"] = str(domain if domain is not None else 1 + os.getpid() % 100)
+    environment["ROS_DOMAIN_ID"] = str(reserve_domain() if domain is None else domain)
     return environment
 
 

@@ -49,6 +49,10 @@ class ScanTable:
     def __len__(self) -> int:
         return len(self._entries)
 
+    def peek(self, key: ScanKey) -> Inputs | None:
+        """Return what has come so far for a key that is not complete."""
+        return self._entries.get(key)
+
     def put(self, name: str, key: ScanKey, value: Any) -> Inputs | None:
         """Add one input; return all inputs of the key once they are complete."""
         if name not in self._inputs:

@@ -47,7 +47,13 @@ class StageNode(RingNode):
 
     def complete(self, entry: Inputs) -> bool:
         """Whether the inputs of a scan suffice."""
-        return len(entry) == len(self.inputs)
+        return all(item.topic in entry for item in self.inputs)
+
+    def prepare(self, topic: str, entry: Inputs) -> None:
+        """Do what can be done before the last input comes, after ``topic`` has come.
+
+        Results go into ``entry`` under names that are no topics.
+        """
 
     def compute(self, entry: Inputs) -> Any:
         """Compute the output from the inputs; a pure function of them and the parameters."""
@@ -69,6 +75,7 @@ class StageNode(RingNode):
             return
         entry = self._table_of_scans.put(item.topic, value.key, value)
         if entry is None:
+            self._prepare_early(item.topic, self._table_of_scans.peek(value.key))
             return
         try:
             output = type(self).write(self.compute(entry))
@@ -78,6 +85,15 @@ class StageNode(RingNode):
             return
         self._publisher.publish(output)
         self._answered += 1
+
+    def _prepare_early(self, topic: str, entry: Inputs | None) -> None:
+        if entry is None:
+            return
+        try:
+            self.prepare(topic, entry)
+        except STAGE_ERRORS:
+            # The same error comes again when the stage computes, and is counted there.
+            self.get_logger().debug(traceback.format_exc())
 
     def figures(self) -> dict[str, Any]:
         """Count of answers."""

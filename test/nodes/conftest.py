@@ -11,9 +11,6 @@ os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
 from gda_tracker.nodes.runner import private_environment, use_environment
 
-DOMAINS = 101
-_used = 0
-
 
 def _shared_memory() -> set[Path]:
     folder = Path("/dev/shm")
@@ -25,10 +22,8 @@ def _shared_memory() -> set[Path]:
 @pytest.fixture
 def environment(tmp_path):
     """Environment of a private ring; killed processes' shared memory is removed afterwards."""
-    global _used
-    _used += 1
     before = _shared_memory()
-    made = private_environment(1 + (os.getpid() * 7 + _used) % DOMAINS)
+    made = private_environment()
     made["ROS_LOG_DIR"] = str(tmp_path / "log")
     use_environment(made)
     yield made

@@ -45,7 +45,7 @@ def recorded(environment, tmp_path):
         RingProcesses(parameters, environment) as ring,
         Nodes(
             lambda **o: [
-                ScanSourceNode({}, plays=plays, collect=True, **o),
+                ScanSourceNode({"autostart": False}, plays=plays, collect=True, **o),
                 RecorderNode({"bag": str(bag)}, **o),
             ],
             int(environment["ROS_DOMAIN_ID"]),
@@ -53,6 +53,14 @@ def recorded(environment, tmp_path):
     ):
         source, recorder = nodes.nodes
         total = len(plays[0].detections)
+
+        def listening() -> bool:
+            heard = {s.topic_name: s.get_publisher_count() for s in recorder.subscriptions}
+            return all(heard[f"/{topic}"] for topic in READERS)
+
+        source.trigger_configure()
+        assert nodes.spin_until(listening, TIMEOUT_S), "the recorder does not hear all stages"
+        source.trigger_activate()
 
         def everything() -> bool:
             return source.finished and all(
