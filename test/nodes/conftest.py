@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from pathlib import Path
 
@@ -11,24 +12,34 @@ os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
 from gda_tracker.nodes.runner import private_environment, use_environment
 
+SHARED_MEMORY = Path("/dev/shm")
 
-def _shared_memory() -> set[Path]:
-    folder = Path("/dev/shm")
-    if not folder.is_dir():
-        return set()
-    return {p for p in folder.iterdir() if p.name.startswith(("fastrtps_", "sem.fastrtps_"))}
+
+def _remove_orphans() -> None:
+    """Remove Fast DDS segments that nobody holds any more: those of killed processes.
+
+    Each segment has a lock file beside it that its owner keeps locked as long as it lives, so the
+    segments of other rings on this host stay.
+    """
+    for lock_file in sorted(SHARED_MEMORY.glob("fastrtps_*_[es]l")):
+        try:
+            with lock_file.open("r+") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                name = lock_file.name[:-3]
+                for orphan in (name, f"sem.{name}_mutex", lock_file.name):
+                    (SHARED_MEMORY / orphan).unlink(missing_ok=True)
+        except OSError:
+            continue  # held, or another user's
 
 
 @pytest.fixture
 def environment(tmp_path):
     """Environment of a private ring; killed processes' shared memory is removed afterwards."""
-    before = _shared_memory()
     made = private_environment()
     made["ROS_LOG_DIR"] = str(tmp_path / "log")
     use_environment(made)
     yield made
-    for path in _shared_memory() - before:
-        path.unlink(missing_ok=True)
+    _remove_orphans()
 
 
 @pytest.fixture
