@@ -80,7 +80,7 @@ test-oldest: ## test the core with the oldest numpy and scipy, without ROS
 		--ignore=test/test_packaging.py -n $(JOBS) $(ARGS)
 
 .PHONY: benchmark
-benchmark: setup ## measure latency, speed and tracking, also against Stone Soup (about 10 minutes)
+benchmark: setup ## measure latency, speed and tracking, also against Stone Soup (about 15 minutes)
 	@$(call locked,environment-benchmark)
 	$(BIN)/python -m benchmarks.ring_latency
 	$(BIN)/python -m benchmarks.autoferry_vs_stonesoup
