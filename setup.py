@@ -79,7 +79,7 @@ setup(
             "tqdm",
         ],
         "dev": ["import-linter", "mypy", "pre-commit", "ruff", "types-PyYAML"],
-        "benchmark": ["stonesoup==1.9.1"],
+        "benchmark": ["stonesoup==1.9.1", "rosbags"],
     },
     entry_points={
         "console_scripts": [

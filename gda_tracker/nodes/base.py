@@ -113,8 +113,8 @@ class RingNode(LifecycleNode):
         """Take checked parameters; acts at the next scan."""
         self.parameters = parameters
 
-    # Every event callback is one more thing that every wait of the executor has to set up: without
-    # those that nobody asked for, a scan takes a third of the time.
+    # Every event callback is one more thing that every wait of the executor has to set up; by
+    # default there are several for each publisher and subscription.
 
     def create_publisher(self, *arguments: Any, **options: Any) -> Any:
         """Create a publisher without event callbacks, unless given."""
