@@ -90,8 +90,11 @@ def parse_focal_name(frame: tuple[str, ...], name: str) -> int:
         raise MessageError(f"focal_elements: {error}") from error
 
 
-def tracks_to_message(tracks: Tracks) -> Any:
+def tracks_to_message(tracks: Tracks, *, with_tracks: bool = True) -> Any:
     """Return a ``TrackArray`` message, stamped with the time of the scan.
+
+    Without tracks it is what all tracks have in common, with an empty list of them. To publish,
+    :func:`~gda_tracker.io.track_cdr.tracks_to_cdr` does the same without an object per track.
 
     Raises
     ------
@@ -112,6 +115,8 @@ def tracks_to_message(tracks: Tracks) -> Any:
     message.focal_elements = list(_focal_names(tuple(tracks.frame), tuple(tracks.focal.tolist())))
     message.degraded = bool(tracks.degraded)
     message.deleted_track_ids = int64_to_field(tracks.deleted_track_id)
+    if not with_tracks:
+        return message
 
     count = len(tracks)
     # one conversion per column, then slices of array.array: no numpy call per track
@@ -124,7 +129,7 @@ def tracks_to_message(tracks: Tracks) -> Any:
             ("masses", tracks.masses),
         )
     ]
-    numbers = [(name, _integers(getattr(tracks, name), name, *limits)) for name, *limits in _LIMITS]
+    numbers = [(name, _integers(tracks, name, *limits)) for name, *limits in INTEGER_LIMITS]
     conflict = np.asarray(tracks.conflict, dtype=np.float64).tolist()
     stamps = [
         (name, [split_stamp(stamp, name) for stamp in values.tolist()])
@@ -147,7 +152,8 @@ def tracks_to_message(tracks: Tracks) -> Any:
     return message
 
 
-_LIMITS = (
+# Fields of integers, with the least and the largest number that they hold.
+INTEGER_LIMITS = (
     ("track_id", -(2**63), 2**63 - 1),
     ("hypothesis_id", -(2**63), 2**63 - 1),
     ("status", 0, 255),
@@ -158,11 +164,23 @@ _LIMITS = (
 )
 
 
-def _integers(values: NDArray[np.integer], name: str, lowest: int, highest: int) -> list[int]:
-    numbers: list[int] = np.asarray(values).tolist()
-    for number in (min(numbers), max(numbers)) if numbers else ():
+def check_integers(values: NDArray[np.integer], name: str, lowest: int, highest: int) -> None:
+    """Refuse integers that do not fit their field.
+
+    Raises
+    ------
+    MessageError
+        With the first of the extremes that does not fit.
+    """
+    for number in (int(values.min()), int(values.max())) if len(values) else ():
         if not lowest <= number <= highest:
             raise MessageError(f"{name} = {number}: allowed is {lowest} to {highest}")
+
+
+def _integers(tracks: Tracks, name: str, lowest: int, highest: int) -> list[int]:
+    values = np.asarray(getattr(tracks, name))
+    check_integers(values, name, lowest, highest)
+    numbers: list[int] = values.tolist()
     return numbers
 
 

@@ -15,12 +15,13 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from gda_tracker.nodes.executor import LeanExecutor
 from gda_tracker.parameters import ParameterError, from_mapping, specifications
 
 DIAGNOSTICS_PERIOD_S = 1.0
@@ -264,7 +265,7 @@ def spin_node(make: Callable[[], Any], arguments: list[str] | None = None) -> in
         except ParameterError as error:
             print(str(error), file=sys.stderr)
             return 2
-        executor = SingleThreadedExecutor()
+        executor = LeanExecutor()
         executor.add_node(node)
         node.autostart()
         # What start-up made stays: without this, every look for garbage goes through all of it, and

@@ -18,9 +18,9 @@ from typing import Any, TextIO
 import rclpy
 import yaml
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 
 from gda_tracker.errors import UserError
+from gda_tracker.nodes.executor import LeanExecutor
 from gda_tracker.resources import resource
 
 STAGES = ("track_manager", "rcs_fuzzifier", "attribute_fusion", "association")
@@ -206,7 +206,7 @@ class Nodes:
         self.context = Context()
         rclpy.init(args=arguments, context=self.context, domain_id=domain)
         self.nodes: list[Any] = []
-        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor = LeanExecutor(context=self.context)
         try:
             self.nodes = list(make(context=self.context))
         except BaseException:

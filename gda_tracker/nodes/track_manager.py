@@ -24,8 +24,8 @@ from gda_tracker.io.messages import (
     scan_to_message,
     stamp_from_time,
     tracks_from_message,
-    tracks_to_message,
 )
+from gda_tracker.io.track_cdr import tracks_to_cdr
 from gda_tracker.nodes.base import STAGE_ERRORS, RingNode, spin_node
 from gda_tracker.nodes.qualities import latched, sensor, stream
 from gda_tracker.parameters import ParameterError
@@ -133,7 +133,7 @@ class TrackManagerNode(RingNode):
             self._advance()
             return
         if report.repeated:
-            self._tracks.publish(tracks_to_message(self.manager.tracks()))
+            self._tracks.publish(tracks_to_cdr(self.manager.tracks()))
         else:
             self.get_logger().warning(
                 f"scan of {report.key.sensor_id} rejected: {report.reason}",
@@ -218,7 +218,7 @@ class TrackManagerNode(RingNode):
         self._closed(tracks, report, opened.admitted_at)
 
     def _closed(self, tracks: Tracks, report: ScanReport, admitted_at: float) -> None:
-        message = tracks_to_message(tracks)
+        message = tracks_to_cdr(tracks)
         retries = self._retries
         self._forget_open()
         self._save()
