@@ -7,15 +7,18 @@ same list of pairs. (Tchamova et al. 2004, (14.1))
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtri
 
 from gda_tracker.kinematics.sensor_models import (
+    Innovations,
     PolarMeasurements,
     innovations,
     polar_measurements,
+    predicted_measurements,
 )
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.hypotheses import Predictions
@@ -51,58 +54,92 @@ def gate(scan: Scan, predictions: Predictions) -> GatedPairs:
     """Return the pairs whose squared Mahalanobis distance is at most the gate threshold."""
     measurements = polar_measurements(scan)
     threshold = gate_threshold(predictions.settings.gate_probability)
-    mean, covariance = predictions.component_mean, predictions.component_covariance
-    component, detection = _candidates(measurements, mean, covariance, threshold)
-    squared, log_density = _densities(measurements, mean, covariance, component, detection)
-    inside = squared <= threshold
-    component, detection = component[inside], detection[inside]
-    squared, log_density = squared[inside], log_density[inside]
-    if len(mean) == len(predictions):
-        return GatedPairs(component, detection, squared, log_density)
-    return _merge_components(measurements, predictions, component, detection)
+    if measurements.time_offset_s is None:
+        found = _gate_at_once(measurements, predictions, threshold)
+    else:
+        found = _gate_with_offsets(measurements, predictions, threshold)
+    if len(predictions.component_mean) == len(predictions):
+        return found
+    return _merge_components(measurements, predictions, found.hypothesis, found.detection)
 
 
-def _candidates(
-    measurements: PolarMeasurements, mean: FloatArray, covariance: FloatArray, threshold: float
-) -> tuple[Int32Array, Int32Array]:
-    """Pairs that lie within reach in range, which every gated pair does: v_r^2 <= gamma S_rr.
+def _gate_at_once(
+    measurements: PolarMeasurements, predictions: Predictions, threshold: float
+) -> GatedPairs:
+    """Gated pairs of components and detections where all detections have the time of the scan.
 
-    In place of the variance along the line of sight stands the trace of the position's covariance,
-    which is never less. This is the only work on all states times all detections.
+    What the states look like is worked out once per component; the only work on all components
+    times all detections is the test in range alone, v_r^2 <= gamma S_rr, which every gated pair
+    passes.
     """
+    predicted = predicted_measurements(
+        predictions.component_mean[:, :2],
+        predictions.component_covariance[:, :2, :2],
+        measurements.sensor_xy_m,
+    )
+    gap = measurements.range_m - predicted.range_m[:, None]
+    variance = predicted.covariance[:, 0, 0, None] + measurements.covariance[:, 0, 0]
+    return _inside(
+        *_pairs(gap, variance, threshold),
+        lambda c, d: predicted.innovations(measurements, c, d),
+        threshold,
+    )
+
+
+def _gate_with_offsets(
+    measurements: PolarMeasurements, predictions: Predictions, threshold: float
+) -> GatedPairs:
+    """Gated pairs of components and detections where every detection has its own time.
+
+    In the test in range the trace of the position's covariance, which is never less, stands in
+    place of the variance along the line of sight.
+    """
+    mean, covariance = predictions.component_mean, predictions.component_covariance
+    tau = measurements.time_offset_s
+    assert tau is not None
+    x, y = mean.shape[1] // 2, mean.shape[1] // 2 + 1  # components of the velocity
     dx = mean[:, 0] - measurements.sensor_xy_m[0]
     dy = mean[:, 1] - measurements.sensor_xy_m[1]
-    variance = covariance[:, 0, 0] + covariance[:, 1, 1]
-    if measurements.time_offset_s is None:
-        distance, variance = np.hypot(dx, dy)[:, None], variance[:, None]
-    else:
-        x, y = mean.shape[1] // 2, mean.shape[1] // 2 + 1  # components of the velocity
-        tau = measurements.time_offset_s
-        distance = np.hypot(
-            dx[:, None] + tau * mean[:, x, None], dy[:, None] + tau * mean[:, y, None]
-        )
-        cross = covariance[:, 0, x] + covariance[:, 1, y]
-        velocity_variance = covariance[:, x, x] + covariance[:, y, y]
-        variance = variance[:, None] + tau * (
-            2.0 * cross[:, None] + tau * velocity_variance[:, None]
-        )
-    gap = measurements.range_m - distance
+    distance = np.hypot(dx[:, None] + tau * mean[:, x, None], dy[:, None] + tau * mean[:, y, None])
+    position_variance = covariance[:, 0, 0] + covariance[:, 1, 1]
+    cross = covariance[:, 0, x] + covariance[:, 1, y]
+    velocity_variance = covariance[:, x, x] + covariance[:, y, y]
+    variance = position_variance[:, None] + tau * (
+        2.0 * cross[:, None] + tau * velocity_variance[:, None]
+    )
+    return _inside(
+        *_pairs(
+            measurements.range_m - distance, variance + measurements.covariance[:, 0, 0], threshold
+        ),
+        lambda c, d: innovations(measurements, mean[c], covariance[c], d),
+        threshold,
+    )
+
+
+def _pairs(
+    gap: FloatArray, variance: FloatArray, threshold: float
+) -> tuple[Int32Array, Int32Array]:
+    """Components and detections (P,) whose ranges differ by little enough."""
     # A hair wider than the ellipse, so that rounding never cuts what the exact test would keep.
-    slack = threshold * (1.0 + 1e-9)
-    near = gap * gap <= slack * (variance + measurements.covariance[:, 0, 0])
+    near = gap * gap <= threshold * (1.0 + 1e-9) * variance
     component, detection = np.nonzero(near)
     return component.astype(np.int32), detection.astype(np.int32)
 
 
-def _densities(
-    measurements: PolarMeasurements,
-    mean: FloatArray,
-    covariance: FloatArray,
+def _inside(
     component: Int32Array,
     detection: Int32Array,
-) -> tuple[FloatArray, FloatArray]:
+    compare: Callable[[Int32Array, Int32Array], Innovations],
+    threshold: float,
+) -> GatedPairs:
+    """Those of the pairs that lie inside the gate."""
+    squared, log_density = _density(compare(component, detection))
+    inside = squared <= threshold
+    return GatedPairs(component[inside], detection[inside], squared[inside], log_density[inside])
+
+
+def _density(pair: Innovations) -> tuple[FloatArray, FloatArray]:
     """Squared Mahalanobis distance and log innovation density g_ij of pairs (P,)."""
-    pair = innovations(measurements, mean[component], covariance[component], detection)
     squared, determinant = pair.mahalanobis_squared()
     return squared, -0.5 * (squared + np.log(determinant)) - LOG_TWO_PI
 
@@ -124,12 +161,13 @@ def _merge_components(
     first = np.concatenate([[0], np.cumsum(count)])
     row = np.repeat(np.arange(len(pair)), count)
     each = (np.arange(first[-1]) - first[row] + start[hypothesis][row]).astype(np.int32)
-    squared, log_density = _densities(
-        measurements,
-        predictions.component_mean,
-        predictions.component_covariance,
-        each,
-        column[row],
+    squared, log_density = _density(
+        innovations(
+            measurements,
+            predictions.component_mean[each],
+            predictions.component_covariance[each],
+            column[row],
+        )
     )
     with np.errstate(divide="ignore"):
         weighted = log_density + np.log(predictions.component_weight[each])

@@ -165,6 +165,58 @@ class Innovations:
         return squared, determinant
 
 
+@dataclass(slots=True)
+class PredictedMeasurements:
+    """What N states look like to the sensor.
+
+    ``range_m``, ``azimuth_rad`` (N,), ``position_jacobian`` H (N, 2, 2) by the position [1, rad/m],
+    ``covariance`` (N, 2, 2) H P H' [m2, m rad, rad2].
+    """
+
+    range_m: FloatArray
+    azimuth_rad: FloatArray
+    position_jacobian: FloatArray
+    covariance: FloatArray
+
+    def innovations(
+        self,
+        measurements: PolarMeasurements,
+        state: Int32Array | slice,
+        detection: Int32Array,
+        offset: FloatArray | None = None,
+    ) -> Innovations:
+        """Innovations of pairs: rows ``state`` (P,) of these, rows ``detection`` (P,) of a scan."""
+        residual = np.empty((len(detection), 2))
+        residual[:, 0] = measurements.range_m[detection] - self.range_m[state]
+        residual[:, 1] = wrap_angle(measurements.azimuth_rad[detection] - self.azimuth_rad[state])
+        return Innovations(
+            residual,
+            self.position_jacobian[state],
+            offset,
+            self.covariance[state] + measurements.covariance[detection],
+        )
+
+
+def predicted_measurements(
+    position: FloatArray, spread: FloatArray, sensor_xy_m: FloatArray
+) -> PredictedMeasurements:
+    """h, H and H P H' of positions (N, 2) [m] with covariances (N, 2, 2) [m2].
+
+    Tchamova et al. 2004, section 14.2.1.1, in range, azimuth order, azimuth from the x axis.
+    """
+    dx = position[:, 0] - sensor_xy_m[0]
+    dy = position[:, 1] - sensor_xy_m[1]
+    distance = np.maximum(np.hypot(dx, dy), SMALLEST_RANGE_M)
+    jacobian = np.empty((len(position), 2, 2))
+    jacobian[:, 0, 0] = dx / distance
+    jacobian[:, 0, 1] = dy / distance
+    jacobian[:, 1, 0] = -jacobian[:, 0, 1] / distance
+    jacobian[:, 1, 1] = jacobian[:, 0, 0] / distance
+    return PredictedMeasurements(
+        distance, np.arctan2(dy, dx), jacobian, jacobian @ spread @ jacobian.transpose(0, 2, 1)
+    )
+
+
 def innovations(
     measurements: PolarMeasurements,
     mean: FloatArray,
@@ -174,8 +226,7 @@ def innovations(
     """Innovations of P states, ``mean`` (P, s), against rows ``detection`` (P,) of a scan.
 
     A detection with a time offset tau is compared with the position moved on by tau times the
-    velocity. Tchamova et al. 2004, section 14.2.1.1; h and H in range, azimuth order, azimuth from
-    the x axis.
+    velocity.
     """
     position, spread = mean[:, :2], covariance[:, :2, :2]
     offset = None
@@ -188,18 +239,5 @@ def innovations(
         spread = spread + tau * (
             cross + cross.transpose(0, 2, 1) + tau * covariance[:, velocity, velocity]
         )
-    dx = position[:, 0] - measurements.sensor_xy_m[0]
-    dy = position[:, 1] - measurements.sensor_xy_m[1]
-    distance = np.maximum(np.hypot(dx, dy), SMALLEST_RANGE_M)
-    residual = np.empty((len(mean), 2))
-    residual[:, 0] = measurements.range_m[detection] - distance
-    residual[:, 1] = wrap_angle(measurements.azimuth_rad[detection] - np.arctan2(dy, dx))
-    jacobian = np.empty((len(mean), 2, 2))
-    jacobian[:, 0, 0] = dx / distance
-    jacobian[:, 0, 1] = dy / distance
-    jacobian[:, 1, 0] = -jacobian[:, 0, 1] / distance
-    jacobian[:, 1, 1] = jacobian[:, 0, 0] / distance
-    innovation_covariance = (
-        jacobian @ spread @ jacobian.transpose(0, 2, 1) + measurements.covariance[detection]
-    )
-    return Innovations(residual, jacobian, offset, innovation_covariance)
+    predicted = predicted_measurements(position, spread, measurements.sensor_xy_m)
+    return predicted.innovations(measurements, slice(None), detection, offset)
