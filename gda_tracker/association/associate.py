@@ -24,7 +24,7 @@ from gda_tracker.association.generalised import (
 from gda_tracker.association.joint import MAX_ELEMENTS
 from gda_tracker.kinematics.gating import GatedPairs
 from gda_tracker.parameters import parameter
-from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores
 from gda_tracker.vocabulary.hypotheses import Associations, Predictions
 from gda_tracker.vocabulary.scans import Scan
@@ -61,6 +61,18 @@ class AssociationParameters:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Groundwork:
+    """What association knows of a scan before the attributes have spoken.
+
+    ``gated`` (D,) are the detections inside any gate; ``clusters`` count only those.
+    """
+
+    gated: IntArray
+    clusters: Clusters
+    kinematic: JointWeights
+
+
 class Associator:
     """Association of one scan; it keeps nothing between scans."""
 
@@ -71,12 +83,32 @@ class Associator:
             parameters.belief_propagation_tolerance,
         )
 
+    def lay_groundwork(self, scan: Scan, predictions: Predictions, pairs: GatedPairs) -> Groundwork:
+        """Do the part of the work that needs no attribute scores."""
+        gated, place = gated_detections(pairs.detection, len(scan))
+        clusters = find_clusters(
+            pairs.hypothesis,
+            place,
+            len(predictions),
+            len(gated),
+            min(PADDED_SIZE, self._limits.max_exact_size),
+        )
+        kinematic = kinematic_weights(
+            pairs.hypothesis,
+            pairs.log_likelihood,
+            predictions.detection_probability,
+            predictions.settings.clutter_density,
+            len(gated),
+        )
+        return Groundwork(gated, clusters, kinematic)
+
     def __call__(
         self,
         scan: Scan,
         predictions: Predictions,
         scores: AttributeScores | None,
         pairs: GatedPairs,
+        groundwork: Groundwork | None = None,
     ) -> Associations:
         """Associate the detections of a scan with the predicted hypotheses.
 
@@ -95,6 +127,8 @@ class Associator:
             For exactly the pairs of ``pairs``; ``None`` if the attribute was given up.
         pairs : GatedPairs
             From :func:`gda_tracker.kinematics.gating.gate`.
+        groundwork : Groundwork, optional
+            From :meth:`lay_groundwork` with the same scan, predictions and pairs.
 
         Raises
         ------
@@ -113,22 +147,8 @@ class Associator:
         if scores is not None:
             _check_scores(scores, pairs, settings.attribute_term, len(scan))
 
-        gated, place = gated_detections(pairs.detection, len(scan))
-        n_detections = len(gated)
-        clusters = find_clusters(
-            pairs.hypothesis,
-            place,
-            n_hypotheses,
-            n_detections,
-            min(PADDED_SIZE, self._limits.max_exact_size),
-        )
-        kinematic = kinematic_weights(
-            pairs.hypothesis,
-            pairs.log_likelihood,
-            predictions.detection_probability,
-            settings.clutter_density,
-            n_detections,
-        )
+        known = groundwork or self.lay_groundwork(scan, predictions, pairs)
+        gated, clusters, kinematic = known.gated, known.clusters, known.kinematic
         joint = kinematic
         if scores is not None and (
             scores.log_likelihood.any() or scores.clutter_log_likelihood.any()
@@ -154,7 +174,7 @@ class Associator:
                     scores.informative,
                     settings.missed_track_hypotheses,
                     n_hypotheses,
-                    n_detections,
+                    len(gated),
                 )
             )
         try:

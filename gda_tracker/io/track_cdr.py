@@ -77,16 +77,20 @@ class _Writer:
     def align(self, size: int) -> None:
         self._bytes += bytes(-(len(self._bytes) - ENCAPSULATION_BYTES) % size)
 
-    def integers(self, size: int, *values: int, signed: bool = False) -> None:
+    def integers(self, size: int, *values: int) -> None:
+        """Integers without a sign, or two's complements of ``size`` bytes."""
+        self.align(size)
         for value in values:
-            self.align(size)
-            self._bytes += int(value).to_bytes(size, "little", signed=signed)
+            self._bytes += (value % (1 << 8 * size)).to_bytes(size, "little")
+
+    def raw(self, content: bytes) -> None:
+        self._bytes += content
 
     def text(self, *values: str) -> None:
         for value in values:
             encoded = value.encode() + b"\x00"
             self.integers(4, len(encoded))
-            self._bytes += encoded
+            self.raw(encoded)
 
     def content(self, *parts: bytes | memoryview) -> bytes:
         return b"".join((self._bytes, *parts))
@@ -99,14 +103,15 @@ def _head(message: Any) -> _Writer:
     writer.text(message.header.frame_id)
     writer.integers(8, message.key.epoch)
     writer.text(message.key.sensor_id)
-    writer.integers(8, message.key.stamp_ns, signed=True)
-    writer.integers(1, *message.system_uuid.uuid)
+    writer.integers(8, message.key.stamp_ns)
+    writer.raw(bytes(message.system_uuid.uuid))
     for names in (message.class_names, message.frame, message.focal_elements):
         writer.integers(4, len(names))
         writer.text(*names)
     writer.integers(1, message.degraded)
     writer.integers(4, len(message.deleted_track_ids))
-    writer.integers(8, *message.deleted_track_ids, signed=True)
+    if len(message.deleted_track_ids):
+        writer.integers(8, *message.deleted_track_ids)
     return writer
 
 

@@ -47,11 +47,23 @@ class AssociationNode(GatingNode):
             return False
         return "attribute_scores" in entry or entry["predictions"].settings.degraded
 
+    def after_gating(self, entry: Inputs) -> None:
+        """Find the clusters and weigh the kinematics while the attribute scores are on the way."""
+        pairs = self.pairs(entry)
+        entry["groundwork"] = (
+            pairs,
+            self._associator.lay_groundwork(entry["scans"], entry["predictions"], pairs),
+        )
+
     def compute(self, entry: Inputs) -> Associations:
         """Associate the gated pairs."""
         scan, predictions = entry["scans"], entry["predictions"]
         scores = None if predictions.settings.degraded else entry["attribute_scores"]
-        return self._associator(scan, predictions, scores, self.pairs(entry))
+        pairs = self.pairs(entry)
+        of_pairs, groundwork = entry.get("groundwork", (None, None))
+        return self._associator(
+            scan, predictions, scores, pairs, groundwork if of_pairs is pairs else None
+        )
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -15,6 +15,10 @@ class GatingNode(StageNode):
         if topic in ("scans", "predictions") and "scans" in entry and "predictions" in entry:
             scan, predictions = entry["scans"], entry["predictions"]
             entry["gated"] = (scan, predictions, gate(scan, predictions))
+            self.after_gating(entry)
+
+    def after_gating(self, entry: Inputs) -> None:
+        """Do what can be done once the pairs are known, before the last input comes."""
 
     @staticmethod
     def pairs(entry: Inputs) -> GatedPairs:

@@ -170,17 +170,17 @@ class TrackManagerNode(RingNode):
             return
         opened = self.manager.open()
         self._answers.clear()
-        self._open_messages = (
-            scan_to_message(opened.scan),
-            predictions_to_message(opened.predictions),
-        )
+        scan = scan_to_message(opened.scan)
+        self._scans.publish(scan)  # at once: the fuzzifier needs no more
+        predictions = predictions_to_message(opened.predictions)
+        self._predictions.publish(predictions)
+        self._open_messages = (scan, predictions)
         self._opened_at = self.seconds()
         self._retry_period = self.parameters.retry_period_s
         self._retry_at = self._opened_at + self._retry_period
         self._retries = 0
-        self._send_open()
 
-    def _send_open(self) -> None:
+    def _send_again(self) -> None:
         assert self._open_messages is not None
         scan, predictions = self._open_messages
         self._scans.publish(scan)
@@ -264,7 +264,7 @@ class TrackManagerNode(RingNode):
                     self._open_messages[0],
                     predictions_to_message(opened.predictions),
                 )
-                self._send_open()
+                self._send_again()
         if now >= self._retry_at:
             self._retries += 1
             self.counters["retry"] += 1
@@ -275,7 +275,7 @@ class TrackManagerNode(RingNode):
                 f"open scan is {age:.1f} s old, no {', '.join(sorted(missing))}; sent again",
                 throttle_duration_sec=5.0,
             )
-            self._send_open()
+            self._send_again()
 
     # --- diagnostics ------------------------------------------------------------------------------
 
