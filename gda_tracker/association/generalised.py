@@ -106,6 +106,9 @@ def attribute_weights(
         distance = np.where(informative, distance, mean[clusters.pair_cluster])
     with np.errstate(divide="ignore", invalid="ignore"):  # the engine refuses NaN
         log_pair = np.log(distance)
+    # A cluster of one pair is not asked about its distance, which may be zero.
+    single = (clusters.pair_count == 1)[clusters.pair_cluster]
+    log_pair[single & (distance == 0.0)] = 0.0
     log_idle = np.zeros(n_hypotheses + n_detections + 1)
     if missed_track_hypotheses == "table_14_3":
         once = np.ones(len(clusters), dtype=np.int64)
