@@ -77,28 +77,17 @@ def validate(
     elevation, range_rate, rcs, offset = optional.values()
     measured = [q for q in (range_m, azimuth, elevation, range_rate) if q is not None]
 
-    counts: Counter[str] = Counter()
-    keep = np.ones(n, dtype=bool)
-    needed = measured if offset is None else [*measured, offset]
-    finite = np.logical_and.reduce([np.isfinite(q) for q in needed])
     if detections.covariance is not None:
         covariance, good = _given_covariance(detections.covariance, n, len(measured))
     elif all(getattr(detections, name) is None for name in DEVIATIONS):
         covariance, good = _from_parameters(detections, noise, n)
     else:
         covariance, good = _from_deviations(detections, noise, n)
-    sound = finite & (range_m > 0.0) & (range_m <= LARGEST_RANGE_M) & good
-    if offset is not None or not sound.all():
-        _leave_out(keep, ~finite, "not_finite", counts)
-        _leave_out(keep, range_m < 0.0, "negative_range", counts)
-        _leave_out(keep, range_m == 0.0, "zero_range", counts)
-        _leave_out(keep, range_m > LARGEST_RANGE_M, "range_too_large", counts)
-        if offset is not None:
-            too_far = np.abs(offset) > LARGEST_TIME_OFFSET_S
-            _leave_out(keep, too_far, "time_offset_too_large", counts)
-        _leave_out(keep, ~good, "bad_noise", counts)
-
-    rows = np.flatnonzero(keep)
+    counts: Counter[str] = Counter()
+    if _all_sound(range_m, [q for q in measured if q is not range_m], offset) and good.all():
+        rows = np.arange(n)
+    else:
+        rows = _sound_rows(range_m, measured, offset, good, counts)
     azimuth = azimuth[rows]
     beyond = np.abs(azimuth) > math.pi
     if beyond.any():
@@ -121,6 +110,38 @@ def validate(
         time_offset_s=None if offset is None else offset[rows],
     )
     return scan, counts
+
+
+def _all_sound(range_m: FloatArray, others: list[FloatArray], offset: FloatArray | None) -> bool:
+    """Whether no detection gives any cause for a closer look, as is usual."""
+    if not len(range_m) or offset is not None:
+        return False
+    # NaN fails every comparison.
+    if not (range_m.min() > 0.0 and range_m.max() <= LARGEST_RANGE_M):
+        return False
+    return all(np.isfinite(q).all() for q in others)
+
+
+def _sound_rows(
+    range_m: FloatArray,
+    measured: list[FloatArray],
+    offset: FloatArray | None,
+    good: BoolArray,
+    counts: Counter[str],
+) -> np.ndarray:
+    """Rows of the detections that stay; the others are counted by reason."""
+    keep = np.ones(len(range_m), dtype=bool)
+    needed = measured if offset is None else [*measured, offset]
+    finite = np.logical_and.reduce([np.isfinite(q) for q in needed])
+    _leave_out(keep, ~finite, "not_finite", counts)
+    _leave_out(keep, range_m < 0.0, "negative_range", counts)
+    _leave_out(keep, range_m == 0.0, "zero_range", counts)
+    _leave_out(keep, range_m > LARGEST_RANGE_M, "range_too_large", counts)
+    if offset is not None:
+        too_far = np.abs(offset) > LARGEST_TIME_OFFSET_S
+        _leave_out(keep, too_far, "time_offset_too_large", counts)
+    _leave_out(keep, ~good, "bad_noise", counts)
+    return np.flatnonzero(keep)
 
 
 def received(detections: Detections) -> int:
@@ -169,12 +190,14 @@ def _pose(detections: Detections) -> tuple[FloatArray, FloatArray]:
         raise Rejected("bad_sensor_pose") from None
     if position.shape != (3,) or orientation.shape != (4,):
         raise Rejected("bad_sensor_pose")
-    # NaN fails both comparisons.
-    if not np.abs(position).max() <= LARGEST_RANGE_M:
+    x, y, z = position.tolist()
+    # NaN fails every comparison.
+    if not all(abs(part) <= LARGEST_RANGE_M for part in (x, y, z)):
         raise Rejected("bad_sensor_pose")
-    if not orientation.any():
+    turn = orientation.tolist()
+    if not any(turn):
         return position, np.array(IDENTITY_QUATERNION)
-    length = math.hypot(*orientation)
+    length = math.hypot(*turn)
     if not abs(length - 1.0) < 1e-3:
         raise Rejected("bad_sensor_pose")
     return position, orientation / length
