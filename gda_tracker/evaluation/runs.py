@@ -22,7 +22,7 @@ from gda_tracker.simulation.targets import true_states
 from gda_tracker.tracking.labelled import labelled_tracks
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.methods import parse_method
-from gda_tracker.tracking.ring import Ring, stage_parameters
+from gda_tracker.tracking.ring import Prepared, Ring, stage_parameters
 from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.recordings import Recording
 from gda_tracker.vocabulary.tracks import Tracks
@@ -105,18 +105,38 @@ class Contestant:
         self._target_ids = np.sort(np.array([target.id for target in scenario.targets]))
         self._track_ids = np.arange(1, len(self._target_ids) + 1)
 
-    def score(self, recording: Recording, match_distance_m: float | None) -> RunScore:
-        """Track one simulated run and score it."""
+    def prepare(self, recording: Recording) -> tuple[list[Prepared], float]:
+        """Prepare the scans of a run for all methods; also the processor time that it took [s].
+
+        What is prepared depends on the scenario alone, since a method only chooses how detections
+        are associated and filtered.
+        """
+        skip = self._skip
+        start = time.process_time()
+        prepared = [self._ring.prepare(detections) for detections in recording.detections[skip:]]
+        return prepared, time.process_time() - start
+
+    @property
+    def _skip(self) -> int:
+        """Scans that the tracker does not see: those of the labelled initiation."""
+        return 0 if self.initiation == AUTOMATIC else self.scenario.time.n_initiation_scans
+
+    def score(
+        self,
+        recording: Recording,
+        match_distance_m: float | None,
+        prepared: tuple[list[Prepared], float],
+    ) -> RunScore:
+        """Track one simulated run and score it; ``prepared`` comes from :meth:`prepare`."""
         assert recording.truth is not None
-        ring = self._new_ring(recording)
+        ring, skip = self._new_ring(recording), self._skip
         if self.initiation == AUTOMATIC:
-            tracks, cpu_s = _track(ring, recording, 0)
+            tracks, cpu_s = _track(ring, recording, skip, prepared)
             distance = match_distance_m or default_match_distance_m(self.scenario)
             score = score_continuity(tracks, recording.truth, match_distance_m=distance)
             return RunScore(None, score, cpu_s, len(tracks))
-        skip = self.scenario.time.n_initiation_scans
         ring.initialise(labelled_tracks(recording, skip, self.parameters))
-        tracks, cpu_s = _track(ring, recording, skip)
+        tracks, cpu_s = _track(ring, recording, skip, prepared)
         counts = confusion_counts(tracks, recording.truth[skip:], self._track_ids, self._target_ids)
         return RunScore(counts, None, cpu_s, len(tracks))
 
@@ -156,16 +176,25 @@ def score_runs(
     scores = []
     for run in runs:
         recording = simulate(scenario, seed, run, initiation=initiation)
-        scores.append([contestant.score(recording, match_distance_m) for contestant in contestants])
+        prepared = contestants[0].prepare(recording)
+        scores.append(
+            [contestant.score(recording, match_distance_m, prepared) for contestant in contestants]
+        )
     return scores
 
 
-def _track(ring: Ring, recording: Recording, skip: int) -> tuple[list[Tracks], float]:
-    """Take scans round the ring, but the first ``skip``; tracks per scan, processor time."""
+def _track(
+    ring: Ring, recording: Recording, skip: int, prepared: tuple[list[Prepared], float]
+) -> tuple[list[Tracks], float]:
+    """Take scans round the ring, but the first ``skip``; tracks per scan, processor time.
+
+    The time of the preparation counts in full, as if it had not been shared.
+    """
     tracks = []
+    scans, preparation_s = prepared
     start = time.process_time()
-    for detections in recording.detections[skip:]:
-        result = ring.process(detections)
+    for detections, known in zip(recording.detections[skip:], scans, strict=True):
+        result = ring.process(detections, known)
         if result.tracks is None:
             report = result.report
             raise RuntimeError(
@@ -173,4 +202,4 @@ def _track(ring: Ring, recording: Recording, skip: int) -> tuple[list[Tracks], f
                 f"({report.reason}), and a scan without tracks cannot be scored"
             )
         tracks.append(result.tracks)
-    return tracks, time.process_time() - start
+    return tracks, time.process_time() - start + preparation_s

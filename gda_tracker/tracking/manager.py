@@ -64,10 +64,32 @@ class TrackManager:
 
     # --- the door -----------------------------------------------------------------------------
 
-    def admit(self, detections: Detections, now: float = 0.0) -> ScanReport | None:
+    def validate(self, detections: Detections) -> tuple[Scan, Counter[str]]:
+        """Return the admitted scan, and how many detections were left out or mended, by reason.
+
+        It depends on the parameters alone, not on the state.
+
+        Raises
+        ------
+        Rejected
+            With the reason, if the scan is refused as a whole.
+        """
+        p = self.parameters
+        noise = DefaultNoise(
+            p.range_std_m, p.azimuth_std_rad, p.elevation_std_rad, p.range_rate_std_mps
+        )
+        return validate(detections, noise, p.tracking_frame, p.max_detections_per_scan, self.epoch)
+
+    def admit(
+        self,
+        detections: Detections,
+        now: float = 0.0,
+        validated: tuple[Scan, Counter[str]] | None = None,
+    ) -> ScanReport | None:
         """Take a scan in. Returns ``None`` if it waits or is open already, else the answer at once.
 
-        ``now`` [s] is any steady clock; it only serves the latency of the report.
+        ``now`` [s] is any steady clock; it only serves the latency of the report. ``validated`` is
+        what :meth:`validate` makes of these detections, if that is known already.
         """
         key = ScanKey(self.epoch, detections.sensor_id, detections.stamp_ns)
         state = self.state
@@ -83,12 +105,7 @@ class TrackManager:
         try:
             if len(self._room) >= p.queue_depth:
                 raise Rejected("queue_full")
-            noise = DefaultNoise(
-                p.range_std_m, p.azimuth_std_rad, p.elevation_std_rad, p.range_rate_std_mps
-            )
-            scan, counts = validate(
-                detections, noise, p.tracking_frame, p.max_detections_per_scan, self.epoch
-            )
+            scan, counts = validated or self.validate(detections)
             generation = self._room.check_time(scan.key, p.time_jump_s)
         except Rejected as rejection:
             reason = str(rejection)

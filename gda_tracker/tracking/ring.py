@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -44,6 +45,14 @@ class RingResult:
     evidence: Evidence | None = None
     scores: AttributeScores | None = None
     associations: Associations | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """What a scan is whatever the tracks are: the admitted scan with its counts, the evidence."""
+
+    validated: tuple[Scan, Counter[str]]
+    evidence: Evidence
 
 
 def stage_parameters(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -89,15 +98,30 @@ class Ring:
         """Start from labelled tracks."""
         return self.manager.initialise(initial)
 
-    def process(self, detections: Detections) -> RingResult:
-        """Take one scan round the ring."""
-        answer = self.manager.admit(detections)
+    def prepare(self, detections: Detections) -> Prepared:
+        """Do what depends on the parameters alone, for several rings to use.
+
+        Raises
+        ------
+        Rejected
+            If the scan is refused.
+        """
+        validated = self.manager.validate(detections)
+        return Prepared(validated, self.fuzzifier(validated[0]))
+
+    def process(self, detections: Detections, prepared: Prepared | None = None) -> RingResult:
+        """Take one scan round the ring.
+
+        ``prepared`` comes from :meth:`prepare` of a ring with the same door and fuzzifier.
+        """
+        validated = None if prepared is None else prepared.validated
+        answer = self.manager.admit(detections, validated=validated)
         if answer is not None:
             tracks = self.manager.tracks() if answer.repeated else None
             return RingResult(answer, tracks)
         opened = self.manager.open()
         scan, predictions = opened.scan, opened.predictions
-        evidence = self.fuzzifier(scan)
+        evidence = self.fuzzifier(scan) if prepared is None else prepared.evidence
         pairs = gate(scan, predictions)
         scores = self.fusion(predictions, evidence, pairs.hypothesis, pairs.detection)
         associations = self.associate(scan, predictions, scores, pairs)
