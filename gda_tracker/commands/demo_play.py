@@ -17,6 +17,8 @@ from gda_tracker.simulation.playback import Playback
 START_TIMEOUT_S = 40.0
 STALL_TIMEOUT_S = 20.0
 DRAIN_TIMEOUT_S = 10.0
+# Every node publishes diagnostics once a second; who has been silent for longer hangs.
+SILENCE_S = 3.0
 
 # Who publishes what, in the order of the ring.
 PUBLISHERS = {
@@ -113,6 +115,7 @@ def play_part(
     with RingProcesses(part.parameters, environment) as ring, Nodes(make) as nodes:
         source, recorder, evaluator = nodes.nodes
         source.trigger_configure()
+        life = _SignsOfLife(recorder)
 
         def alive() -> None:
             if failure := ring.failed():
@@ -131,9 +134,10 @@ def play_part(
             alive()
             show(source.progress.answered)
             if stall.lasts(source.progress.answered):
+                silent = life.silent() or [silent_stage(_counts(recorder))]
                 raise DemoError(
-                    f"node {silent_stage(_counts(recorder))} does not answer: no scan was "
-                    f"completed for {STALL_TIMEOUT_S:.0f} s"
+                    f"{' and '.join(f'node {name}' for name in silent)} does not answer: no scan "
+                    f"was completed for {STALL_TIMEOUT_S:.0f} s"
                 )
 
         nodes.spin_until(lambda: source.finished, watch=watch)
@@ -161,7 +165,7 @@ def play_part(
 
 
 def silent_stage(counts: Mapping[str, int]) -> str:
-    """Name the node to blame, from how often each topic was heard.
+    """Name the node to blame if all are alive, from how often each topic was heard.
 
     All stages answer every scan once, also when it is sent again: the first in the order of the
     ring that was heard less often than the scans did not answer. If there is none, the track
@@ -193,6 +197,27 @@ def _unmatched(source: Any, recorder: Any, evaluator: Any) -> list[str]:
         if publisher.get_subscription_count() < expected:
             missing["node track_manager"] = None
     return list(missing)
+
+
+class _SignsOfLife:
+    """When each node of the ring was last heard on ``/diagnostics``."""
+
+    def __init__(self, node: Any) -> None:
+        from diagnostic_msgs.msg import DiagnosticArray
+
+        self._heard = dict.fromkeys(dict.fromkeys(PUBLISHERS.values()), time.monotonic())
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            name = status.name.rpartition("/")[2]
+            if name in self._heard:
+                self._heard[name] = time.monotonic()
+
+    def silent(self) -> list[str]:
+        """Nodes that have been silent for too long."""
+        now = time.monotonic()
+        return [name for name, heard in self._heard.items() if now - heard > SILENCE_S]
 
 
 class _Stall:

@@ -72,8 +72,9 @@ def test_a_node_that_does_not_start_is_named(part, tmp_path, environment):
 
 
 @pytest.mark.timeout(120)
-def test_a_node_that_hangs_is_named(part, tmp_path, environment, monkeypatch):
-    monkeypatch.setattr(demo_play, "STALL_TIMEOUT_S", 4.0)
+def test_a_node_that_hangs_is_named(tmp_path, environment, monkeypatch):
+    part = demo.make_parts(30, 3)[1][demo.OFF]  # enough scans to be in the midst of them
+    monkeypatch.setattr(demo_play, "STALL_TIMEOUT_S", 6.0)
     rings = []
 
     class Remembered(runner.RingProcesses):
@@ -85,12 +86,13 @@ def test_a_node_that_hangs_is_named(part, tmp_path, environment, monkeypatch):
     stopped = []
 
     def show(done: int) -> None:
-        if not stopped:
+        if not stopped and done >= 3:
             stopped.append(rings[0].processes["attribute_fusion"].pid)
             os.kill(stopped[0], signal.SIGSTOP)
 
     began = time.monotonic()
-    with pytest.raises(demo.DemoError, match="^node attribute_fusion does not answer"):
+    # Processes share memory with the one that was stopped, and may have to wait for it.
+    with pytest.raises(demo.DemoError, match="^node .*attribute_fusion.* does not answer"):
         demo.play_part(part, tmp_path / "bag", environment, show)
     assert time.monotonic() - began < 100.0
     assert not Path(f"/proc/{stopped[0]}").exists()
