@@ -62,6 +62,8 @@ class LeanExecutor(Executor):
         self._run_tasks()
         if self._is_shutdown:
             return
+        if not self._context.ok():
+            raise ExternalShutdownException()
         wait_set = self._fill_wait_set()
         wait_set.wait(-1 if timeout_sec is None else max(int(timeout_sec * NS_PER_S), 0))
         if self._is_shutdown:
