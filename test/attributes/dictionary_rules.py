@@ -7,7 +7,8 @@ parts.
 from __future__ import annotations
 
 from collections import defaultdict
-from itertools import combinations
+from itertools import combinations, product
+from math import prod
 
 import numpy as np
 
@@ -83,6 +84,73 @@ def project(names, masses, alive):
 
 def pignistic(masses, alive, event):
     return sum(m * len(x & event & alive) / len(x & alive) for x, m in masses.items())
+
+
+class NoAnswer(Exception):
+    """The rule says nothing about these sources."""
+
+
+def combine(rule, names, alive, sources):
+    """Any rule on any number of sources, and the mass of the dead tuples.
+
+    ``sources`` are dictionaries over sets of parts of the free model; the outcome is over sets of
+    parts that are alive, under dsmc over sets of parts of the free model.
+    """
+    result, conflict = defaultdict(float), 0.0
+    if rule.startswith("pcr"):
+        sources = [merged(source, alive) for source in sources]
+    for choice in product(*(source.items() for source in sources)):
+        amount = prod(mass for _, mass in choice)
+        meet = frozenset.intersection(*(x for x, _ in choice))
+        union = frozenset.union(*(x for x, _ in choice))
+        dead = not meet & alive
+        conflict += amount if dead else 0.0
+        if rule == "dsmc":
+            result[meet] += amount
+        elif rule == "disjunctive":
+            if not union & alive:
+                raise NoAnswer
+            result[union & alive] += amount
+        elif not dead:
+            result[meet & alive] += amount
+        elif rule == "yager":
+            result[alive] += amount
+        elif rule == "dubois_prade":
+            if not union & alive:
+                raise NoAnswer
+            result[union & alive] += amount
+        elif rule != "dempster":
+            if not union & alive:
+                atoms = frozenset.union(*(union_of_atoms(names, x) for x, _ in choice))
+                result[atoms & alive or alive] += amount
+            elif rule == "dsmh":
+                result[union & alive] += amount
+            else:
+                share(rule, alive, choice, amount, result)
+    if rule == "dempster":
+        rest = sum(result.values())
+        if not rest:
+            raise NoAnswer
+        result = {x: m / rest for x, m in result.items()}
+    return dict(result), conflict
+
+
+def merged(masses, alive):
+    """Elements that a model merges as one; dead ones as they are."""
+    result = defaultdict(float)
+    for element, mass in masses.items():
+        result[element & alive or element] += mass
+    return dict(result)
+
+
+def share(rule, alive, choice, amount, result):
+    survivors = {x & alive for x, _ in choice} - {frozenset()}
+    weight = {}
+    for survivor in survivors:
+        masses = [mass for x, mass in choice if x & alive == survivor]
+        weight[survivor] = prod(masses) if rule == "pcr5" else sum(masses)
+    for survivor in survivors:
+        result[survivor] += amount * weight[survivor] / sum(weight.values())
 
 
 def assert_same(found, expected, tolerance=1e-12):
