@@ -2,33 +2,9 @@
 
 A source is a mapping from elements of the free model (Venn bitmasks of
 :mod:`gda_tracker.attributes.frames`) to masses that sum to one; any number of sources is fused
-*jointly* under a model. Every rule looks at each tuple X1..Xk of focal elements, one of each
-source, with the product of their masses, and says where that product goes. X1..Xk meet in
-X1 & ... & Xk, reduced by the model; the tuple is *dead* if nothing of that is left.
-
-``dsmc``
-    To the intersection on the free lattice, whatever the model says (classic DSm rule).
-``dempster``
-    To the intersection; what dead tuples lose is made up by normalisation.
-``disjunctive``
-    To the union of the elements, reduced by the model.
-``yager``
-    To the intersection, of dead tuples to total ignorance.
-``dubois_prade``
-    To the intersection, of dead tuples to the union of the elements.
-``dsmh``
-    As ``dubois_prade``, but where all elements are dead to the union of their u(Xi), and if that
-    is dead too to total ignorance (hybrid DSm rule, terms S1, S3 in union form, S2).
-``pcr5``, ``pcr6``
-    To the intersection; of dead tuples back to their distinct surviving elements, weighted by the
-    product (PCR5) or the sum (PCR6) of the masses that the tuple puts on each; where none survives
-    as ``dsmh``.
-
-Elements that a model merges are one element: a source's masses on them are added before a rule
-looks at them. It only matters for PCR. Dead elements stay what they are on the free lattice.
-
-This module is the calculator: Python floats, each sum rounded once. Arrays of pairs are the work of
-:mod:`gda_tracker.attributes.batches`, which looks up the same destinations.
+*jointly* under a model. The rules are those of :mod:`gda_tracker.attributes.destinations`. This is
+the calculator: sums are rounded once. Arrays of pairs are the work of
+:mod:`gda_tracker.attributes.batches`.
 
 >>> from gda_tracker.attributes.frames import element_name, parse_element, shafer_model
 >>> names = ("A", "B")
@@ -44,24 +20,26 @@ This module is the calculator: Python floats, each sum rounded once. Arrays of p
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from itertools import product
 from math import fsum, isfinite, prod
-from operator import and_, or_
 
+import numpy as np
+
+from gda_tracker.attributes.destinations import RULES, Destinations, NothingAliveError, destinations
 from gda_tracker.attributes.frames import (
     Model,
     check_element,
     element_name,
     sort_elements,
     total_ignorance,
-    union_of_atoms,
     upward_closure,
 )
 from gda_tracker.attributes.rules import TotalConflictError
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 
 __all__ = [
     "RULES",
@@ -69,20 +47,12 @@ __all__ = [
     "NothingAliveError",
     "TotalConflictError",
     "combine",
-    "destination",
     "discount",
     "reduce_source",
 ]
 
-RULES = ("dsmc", "dsmh", "dempster", "disjunctive", "yager", "dubois_prade", "pcr5", "pcr6")
-PROPORTIONAL_RULES = ("pcr5", "pcr6")
-
 # How far the masses of a source may be from one in sum. Nothing is rescaled.
 SUM_TOLERANCE = 1e-6
-
-
-class NothingAliveError(ValueError):
-    """All elements of a product are dead and the rule knows no place for it."""
 
 
 @dataclass(frozen=True)
@@ -104,52 +74,6 @@ class Combined:
     conflict: float
 
 
-def check_rule(rule: str) -> str:
-    """Return the name of a rule; ``ValueError`` for one that is not in ``RULES``."""
-    if rule not in RULES:
-        raise ValueError(f"rule = {rule!r}: allowed is one of {', '.join(RULES)}")
-    return rule
-
-
-def destination(rule: str, model: Model, elements: Sequence[int]) -> int:
-    """Where a rule moves the product of a tuple of focal elements.
-
-    Parameters
-    ----------
-    rule
-        One of ``RULES``.
-    model
-        The model.
-    elements
-        Elements X1..Xk of the free model, or as reduced by the model if they survive.
-
-    Returns
-    -------
-    int
-        Mask of an element, 0 if the product goes to no single one: under Dempster's rule it is
-        taken out, under PCR it is shared by the surviving elements, under Dubois-Prade's and the
-        disjunctive rule all elements are dead, which these rules do not foresee.
-    """
-    alive = model.alive
-    meet = reduce(and_, elements)
-    if rule == "dsmc":
-        return meet
-    if rule == "disjunctive":
-        return reduce(or_, elements) & alive
-    if meet & alive:
-        return meet & alive
-    survivors = reduce(or_, elements) & alive
-    if rule == "yager":
-        return alive
-    if rule == "dubois_prade" or (rule == "dsmh" and survivors):
-        return survivors
-    if rule == "dempster" or survivors:
-        return 0
-    # S2 of the hybrid DSm rule: nothing is left of any element.
-    atoms = reduce(or_, (union_of_atoms(model.size, mask) for mask in elements)) & alive
-    return atoms or alive
-
-
 def combine(rule: str, model: Model, sources: Sequence[Mapping[int, float]]) -> Combined:
     """Fuse one or more sources jointly under a model.
 
@@ -169,7 +93,8 @@ def combine(rule: str, model: Model, sources: Sequence[Mapping[int, float]]) -> 
     ------
     ValueError
         For an unknown rule, no source, a mask that is no element of the hyper-power set, a mass
-        that is negative or not finite, or masses that do not sum to one.
+        that is negative or not finite, masses that do not sum to one, or more tuples of focal
+        elements than memory allows.
     TotalConflictError
         Under ``dempster`` if all tuples are dead.
     NothingAliveError
@@ -182,39 +107,22 @@ def combine(rule: str, model: Model, sources: Sequence[Mapping[int, float]]) -> 
     DSmT, volumes 1 (DSmC, DSmH, Dubois-Prade, Yager) and 2 (PCR5, PCR6). PCR5 and PCR6 differ from
     three sources on.
     """
-    check_rule(rule)
-    if not model.alive:
-        raise NothingAliveError("a model without any Venn part: nothing can be believed")
-    if not sources:
-        raise ValueError("no sources: allowed is one or more")
     bodies = [_checked(model, source, index) for index, source in enumerate(sources)]
     if rule != "dsmc":
         bodies = [reduce_source(model, body) for body in bodies]
+    moves = destinations(rule, model, [np.array(list(body), dtype=np.uint32) for body in bodies])
+    masses = [np.array(list(body.values())) for body in bodies]
+    amounts = reduce(np.multiply.outer, masses).reshape(-1)
+    if moves.homeless.any():
+        raise NothingAliveError(_no_place(rule, model, bodies, int(np.argmax(moves.homeless))))
 
-    terms: dict[int, list[float]] = {}
-    conflicts: list[float] = []
-    for elements, masses in _tuples(bodies):
-        amount = prod(masses)
-        if not reduce(and_, elements) & model.alive:
-            conflicts.append(amount)
-        target = destination(rule, model, elements)
-        if target:
-            terms.setdefault(target, []).append(amount)
-        elif rule in PROPORTIONAL_RULES:
-            _share(_WEIGHT[rule], model, elements, masses, terms)
-        elif rule != "dempster":
-            names = ", ".join(element_name(model.names, mask) for mask in elements)
-            raise NothingAliveError(
-                f"{names}: all dead on the model, and rule {rule!r} has no place for their mass; "
-                "dsmh, pcr5, pcr6 and yager have"
-            )
+    terms = _by_target(moves, amounts)
+    if moves.shared.any():
+        _share(rule, model, bodies, moves.shared, terms)
     sums = {mask: fsum(parts) for mask, parts in terms.items()}
     if rule == "dempster":
-        sums = _normalised(model, sums, bodies)
-    order = sort_elements(sums).tolist()
-    return Combined(
-        masses={mask: sums[mask] for mask in order if sums[mask] > 0.0}, conflict=fsum(conflicts)
-    )
+        sums = _normalised(sums, moves, bodies)
+    return Combined(_positive(sums), conflict=fsum(amounts[moves.dead].tolist()))
 
 
 def discount(source: Mapping[int, float], reliability: float, model: Model) -> dict[int, float]:
@@ -245,8 +153,7 @@ def discount(source: Mapping[int, float], reliability: float, model: Model) -> d
     discounted = {mask: reliability * mass for mask, mass in body.items()}
     ignorance = total_ignorance(model.size)
     discounted[ignorance] = fsum((discounted.get(ignorance, 0.0), 1.0, -reliability))
-    order = sort_elements(discounted).tolist()
-    return {mask: discounted[mask] for mask in order if discounted[mask] > 0.0}
+    return _positive(discounted)
 
 
 def reduce_source(model: Model, source: Mapping[int, float]) -> dict[int, float]:
@@ -287,52 +194,67 @@ def _free_element(model: Model, mask: int) -> int:
     return check_element(model.names, mask)
 
 
-def _tuples(
-    bodies: Sequence[Mapping[int, float]],
-) -> Iterator[tuple[tuple[int, ...], tuple[float, ...]]]:
-    for choice in product(*(body.items() for body in bodies)):
-        elements, masses = zip(*choice, strict=True)
-        yield elements, masses
+def _positive(masses: Mapping[int, float]) -> dict[int, float]:
+    return {mask: masses[mask] for mask in sort_elements(masses).tolist() if masses[mask] > 0.0}
 
 
-_WEIGHT: dict[str, Callable[[Sequence[float]], float]] = {"pcr5": prod, "pcr6": fsum}
+def _by_target(moves: Destinations, amounts: FloatArray) -> dict[int, list[float]]:
+    terms: dict[int, list[float]] = {}
+    for mask, amount in zip(moves.target.tolist(), amounts.tolist(), strict=True):
+        if mask:
+            terms.setdefault(mask, []).append(amount)
+    return terms
+
+
+def _no_place(rule: str, model: Model, bodies: Sequence[Mapping[int, float]], index: int) -> str:
+    choice = np.unravel_index(index, [len(body) for body in bodies])
+    elements = (list(body)[chosen] for body, chosen in zip(bodies, choice, strict=True))
+    names = ", ".join(element_name(model.names, mask) for mask in elements)
+    return (
+        f"{names}: all dead on the model, and rule {rule!r} has no place for their mass; "
+        "dsmh, pcr5, pcr6 and yager have"
+    )
 
 
 def _share(
-    weigh: Callable[[Sequence[float]], float],
+    rule: str,
     model: Model,
-    elements: Sequence[int],
-    masses: Sequence[float],
+    bodies: Sequence[Mapping[int, float]],
+    shared: BoolArray,
     terms: dict[int, list[float]],
 ) -> None:
-    """Give the product of a dead tuple back to its distinct surviving elements."""
-    amount = prod(masses)
-    if amount == 0.0:  # underflow: weights of zero cannot share it, and nothing is lost
-        return
-    on: dict[int, list[float]] = {}
-    for element, mass in zip(elements, masses, strict=True):
-        if element & model.alive:
-            on.setdefault(element & model.alive, []).append(mass)
-    weights = {element: weigh(values) for element, values in on.items()}
-    total = fsum(weights.values())
-    for element, weight in weights.items():
-        terms.setdefault(element, []).append(amount * (weight / total))
+    """Give the products of dead tuples back to their distinct surviving elements."""
+    weigh = prod if rule == "pcr5" else fsum
+    choices = product(*(body.items() for body in bodies))
+    for choice, is_shared in zip(choices, shared.tolist(), strict=True):
+        amount = prod(mass for _, mass in choice)
+        # An underflow leaves weights of zero, and nothing to share.
+        if not is_shared or amount == 0.0:
+            continue
+        masses: dict[int, list[float]] = {}
+        for element, mass in choice:
+            if element & model.alive:
+                masses.setdefault(element & model.alive, []).append(mass)
+        weights = {element: weigh(values) for element, values in masses.items()}
+        total = fsum(weights.values())
+        for element, weight in weights.items():
+            terms.setdefault(element, []).append(amount * (weight / total))
 
 
 def _normalised(
-    model: Model, sums: Mapping[int, float], bodies: Sequence[Mapping[int, float]]
+    sums: Mapping[int, float], moves: Destinations, bodies: Sequence[Mapping[int, float]]
 ) -> dict[int, float]:
     """Divide by what is not in conflict; a sum of the rest, as 1 - K would lose its digits."""
+    if not sums:
+        raise TotalConflictError("total conflict: all products of the sources' masses contradict")
     rest = fsum(sums.values())
     if rest >= sys.float_info.min:
         return {mask: mass / rest for mask, mass in sums.items()}
-    # Products that underflow, or none: rational numbers tell.
-    exact: dict[int, Fraction] = {}
-    for elements, masses in _tuples(bodies):
-        meet = reduce(and_, elements) & model.alive
-        if meet:
-            exact[meet] = exact.get(meet, Fraction(0)) + prod(map(Fraction, masses))
-    if not exact:
-        raise TotalConflictError("total conflict: no element of one source meets all the others")
+    # The products underflow; rational numbers do not.
+    exact = dict.fromkeys(sums, Fraction(0))
+    tuples = product(*(body.values() for body in bodies))
+    for mask, masses in zip(moves.target.tolist(), tuples, strict=True):
+        if mask:
+            exact[mask] += prod(map(Fraction, masses))
     whole = sum(exact.values())
     return {mask: float(mass / whole) for mask, mass in exact.items()}
