@@ -1,4 +1,4 @@
-"""The command line: ``gda-tracker demo | run | replay | record | evaluate``."""
+"""The command line: ``gda-tracker demo | run | replay | record | evaluate | fuse``."""
 
 from __future__ import annotations
 
@@ -81,6 +81,34 @@ COMMANDS = {
         example:
           gda-tracker evaluate crossing_targets --runs 200 \\
             --method gda/none/cv --method gda/dsm_classic/cv --method map/bayes/cv
+        """,
+    ),
+    "fuse": Command(
+        "gda_tracker.commands.fuse",
+        "a calculator of evidence: combine belief masses by any of the rules",
+        """
+        Reads a problem as JSON and prints the answer as JSON, all digits.
+
+          frame        1 to 5 names
+          model        "free", "shafer" (the elements exclude each other) or
+                       {"empty": ["A&B", ...]}; without it free
+          sources      belief masses, one object per source; & is the intersection and binds
+                       before |, the union. Each sums to one within 1e-9.
+          rule         dsmc, dsmh, dempster, disjunctive, yager, dubois_prade, pcr5, pcr6 take
+                       2 or more sources; discount 1 or more, each for itself; pignistic 1
+          reliability  what discount keeps, 0 to 1
+
+        The answer: result (masses; for pignistic probabilities), conflict (mass of the products
+        that are empty on the model), pignistic (generalised pignistic probabilities of the
+        frame's elements) and entropy_nats (pignistic entropy over the model's disjoint parts,
+        natural logarithm). discount of several sources answers with a list, one for each.
+        Exit status 3 and {"undefined": "total conflict"} if Dempster's rule has no answer,
+        exit status 2 and one line if the problem is not well formed.
+
+        examples:
+          gda-tracker fuse --example > problem.json
+          gda-tracker fuse problem.json
+          gda-tracker fuse --example pcr5 | gda-tracker fuse -
         """,
     ),
 }
