@@ -15,12 +15,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gda_tracker.attributes.combination import NothingAliveError, combine, discount
+from gda_tracker.attributes.combination import (
+    NothingAliveError,
+    combine,
+    discount,
+    reduce_source,
+)
 from gda_tracker.attributes.decisions import generalised_pignistic, pignistic_entropy
 from gda_tracker.attributes.frames import (
     Model,
     element_name,
     free_model,
+    sort_elements,
     upward_closure,
 )
 from gda_tracker.attributes.problem import Problem, ProblemError
@@ -84,24 +90,25 @@ def _solution(
     model: Model, masses: Mapping[int, float], conflict: float, seen_by: Model | None = None
 ) -> Solution:
     """Name the elements, as ``seen_by`` or the model sees them, and decide on the model."""
-    names = model.names
-    # As the rules hand them out, elements are reduced by the model; decisions want free ones.
-    focal = np.array([upward_closure(model.size, mask) for mask in masses], dtype=np.uint32)
-    column = np.array(list(masses.values()))
-    probability = generalised_pignistic(model, focal, column)
-    result = {_name(seen_by or model, mask): mass for mask, mass in masses.items()}
+    # Elements that the model merges have one name.
+    seen = reduce_source(seen_by or model, masses)
+    # Decisions want elements of the free model, and an order that does not depend on the rule.
+    focal = sort_elements(upward_closure(model.size, mask) for mask in seen)
+    closed = {upward_closure(model.size, mask): mass for mask, mass in seen.items()}
+    column = np.array([closed[mask] for mask in focal.tolist()])
     return Solution(
-        result=result,
+        result={_name(seen_by or model, mask): closed[mask] for mask in focal.tolist()},
         conflict=conflict,
-        pignistic=dict(zip(names, probability.tolist(), strict=True)),
+        pignistic=dict(
+            zip(model.names, generalised_pignistic(model, focal, column).tolist(), strict=True)
+        ),
         # Adding zero makes -0.0, the entropy of what is certain, 0.0.
         entropy_nats=float(pignistic_entropy(model, focal, column, base=math.e)) + 0.0,
     )
 
 
 def _name(model: Model, mask: int) -> str:
-    closed = upward_closure(model.size, mask)
-    return element_name(model.names, closed, model if closed & model.alive else None)
+    return element_name(model.names, mask, model if mask & model.alive else None)
 
 
 def _dead_mass(model: Model, source: Mapping[int, float]) -> float:

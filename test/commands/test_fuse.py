@@ -134,6 +134,16 @@ def test_discount_takes_each_source_for_itself(fuse):
     assert one == answers[0]
 
 
+def test_elements_that_the_model_merges_are_one_in_the_result(fuse):
+    # A is empty: A|B is B, and A|B|C is B|C.
+    merging = {"B": 0.1, "A|B": 0.2, "B|C": 0.3, "A|B|C": 0.4}
+    plain = changed(model={"empty": ["A", "B&C"]}, sources=[merging], rule="discount")
+    result = solved(fuse({**plain, "reliability": 0.5}))["result"]
+    assert result == pytest.approx({"B": 0.15, "B|C": 0.85})
+    result = solved(fuse({**plain, "rule": "dsmh", "sources": [merging, {"A|B|C": 1}]}))["result"]
+    assert result == pytest.approx({"B": 0.3, "B|C": 0.7})
+
+
 def test_mass_of_an_element_that_the_model_empties(fuse):
     source = {"A&B": 0.4, "C": 0.6}
     dead = changed(sources=[source], rule="pignistic")
