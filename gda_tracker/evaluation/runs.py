@@ -106,15 +106,16 @@ class Contestant:
         self._track_ids = np.arange(1, len(self._target_ids) + 1)
 
     def prepare(self, recording: Recording) -> tuple[list[Prepared], float]:
-        """Prepare the scans of a run for all methods; also the processor time that it took [s].
+        """Prepare the scans of a run for all methods; also the processor time for those scored [s].
 
         What is prepared depends on the scenario alone, since a method only chooses how detections
         are associated and filtered.
         """
-        skip = self._skip
+        skip, prepare = self._skip, self._ring.prepare
+        first = [prepare(detections) for detections in recording.detections[:skip]]
         start = time.process_time()
-        prepared = [self._ring.prepare(detections) for detections in recording.detections[skip:]]
-        return prepared, time.process_time() - start
+        scored = [prepare(detections) for detections in recording.detections[skip:]]
+        return first + scored, time.process_time() - start
 
     @property
     def _skip(self) -> int:
@@ -135,7 +136,7 @@ class Contestant:
             distance = match_distance_m or default_match_distance_m(self.scenario)
             score = score_continuity(tracks, recording.truth, match_distance_m=distance)
             return RunScore(None, score, cpu_s, len(tracks))
-        ring.initialise(labelled_tracks(recording, skip, self.parameters))
+        ring.initialise(labelled_tracks(recording, skip, ring, prepared[0]))
         tracks, cpu_s = _track(ring, recording, skip, prepared)
         counts = confusion_counts(tracks, recording.truth[skip:], self._track_ids, self._target_ids)
         return RunScore(counts, None, cpu_s, len(tracks))
@@ -193,7 +194,7 @@ def _track(
     tracks = []
     scans, preparation_s = prepared
     start = time.process_time()
-    for detections, known in zip(recording.detections[skip:], scans, strict=True):
+    for detections, known in zip(recording.detections[skip:], scans[skip:], strict=True):
         result = ring.process(detections, known)
         if result.tracks is None:
             report = result.report

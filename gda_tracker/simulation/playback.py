@@ -10,6 +10,7 @@ from gda_tracker.simulation.scenarios import Scenario
 from gda_tracker.simulation.simulate import simulate
 from gda_tracker.tracking.labelled import labelled_tracks
 from gda_tracker.tracking.methods import parse_method
+from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary.recordings import Recording
 from gda_tracker.vocabulary.scans import Detections, ScanTruth
 from gda_tracker.vocabulary.tracks import Tracks
@@ -50,7 +51,7 @@ def of_scenario(
     for run in range(first_run, first_run + runs):
         recording = simulate(scenario, seed, run, base_stamp_ns=run * RUN_SPACING_NS)
         n = scenario.time.n_initiation_scans
-        initial = labelled_tracks(recording, n, with_method(recording.preset, method))
+        initial = labelled_tracks(recording, n, Ring(with_method(recording.preset, method)))
         assert recording.truth is not None
         plays.append(
             Playback(recording.name, recording.detections[n:], recording.truth[n:], initial)

@@ -5,17 +5,14 @@ Not part of the track manager: what it makes reaches the manager as ``initial_tr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from gda_tracker.attributes.fusion import fuse_pairs
-from gda_tracker.attributes.fuzzification import RcsFuzzifier
 from gda_tracker.kinematics.sensor_models import cartesian_positions, polar_measurements
-from gda_tracker.tracking.door import DefaultNoise, validate
 from gda_tracker.tracking.initiation import two_point_states
-from gda_tracker.tracking.ring import stage_parameters
+from gda_tracker.tracking.ring import Prepared, Ring
 from gda_tracker.vocabulary.recordings import Recording
 from gda_tracker.vocabulary.scans import ScanKey
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
@@ -24,14 +21,16 @@ from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 def labelled_tracks(
     recording: Recording,
     n_initiation_scans: int,
-    parameters: Mapping[str, Mapping[str, Any]],
+    ring: Ring,
+    prepared: Sequence[Prepared] | None = None,
 ) -> Tracks:
     """Start one confirmed track per target from the first ``n_initiation_scans`` scans.
 
     States come from two-point differencing of the last two of them, the belief is that of the first
-    detection fused with those that follow by the attribute term of ``parameters`` (Tchamova et al.
-    2004, section 14.2.2 and the scenario files' ``history_initialisation``). Track ids count the
-    targets by rising id, from 1; the stamp is that of the last initiation scan.
+    detection fused with those that follow by the attribute term of the ring's parameters (Tchamova
+    et al. 2004, section 14.2.2 and the scenario files' ``history_initialisation``). Track ids count
+    the targets by rising id, from 1; the stamp is that of the last initiation scan. ``prepared``
+    are these scans as :meth:`Ring.prepare` makes them, if they are known already.
 
     Raises
     ------
@@ -46,30 +45,20 @@ def labelled_tracks(
             f"{recording.name}: {len(recording.detections)} scans, labelled initiation needs "
             f"{n_initiation_scans}"
         )
-    tables = stage_parameters(parameters)
-    manager = tables["track_manager"]
-    fuzzifier = RcsFuzzifier(tables["rcs_fuzzifier"])
-    noise = DefaultNoise(
-        manager.range_std_m,
-        manager.azimuth_std_rad,
-        manager.elevation_std_rad,
-        manager.range_rate_std_mps,
-    )
+    manager = ring.manager.parameters
+    if prepared is None:
+        prepared = [ring.prepare(scan) for scan in recording.detections[:n_initiation_scans]]
     targets = np.sort(recording.truth[0].target_id)
     count = len(targets)
     positions, covariances, stamps = [], [], []
     frame: tuple[str, ...] = ()
-    for step in range(n_initiation_scans):
-        detections = recording.detections[step]
-        scan, _ = validate(
-            detections, noise, manager.tracking_frame, manager.max_detections_per_scan
-        )
+    for step, known in enumerate(prepared[:n_initiation_scans]):
+        scan, evidence = known.validated[0], known.evidence
         rows = _rows_of(recording, step, scan.source_index, targets)
         position, covariance = cartesian_positions(polar_measurements(scan))
         positions.append(position[rows])
         covariances.append(covariance[rows])
         stamps.append(scan.key.stamp_ns)
-        evidence = fuzzifier(scan)
         if step == 0:
             frame, focal = evidence.frame, evidence.focal
             masses, classes = evidence.masses[rows], evidence.class_probability[rows]
@@ -83,7 +72,7 @@ def labelled_tracks(
                 classes,
                 evidence,
                 rows,
-                tables["attribute_fusion"].forgetting_factor,
+                ring.fusion.parameters.forgetting_factor,
             )
             classes, conflict = fused.class_probability, fused.conflict
             if fused.masses.shape[1]:

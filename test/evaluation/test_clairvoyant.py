@@ -24,7 +24,7 @@ def test_own_detection_whenever_detected_and_gated(scenario):
     parameters = Contestant(scenario, "clairvoyant", "labelled").parameters
     decide = Clairvoyant(recording.truth, {1: 1, 2: 2, 3: 3, 4: 4})
     ring = Ring(parameters, decide)
-    ring.initialise(labelled_tracks(recording, 2, parameters))
+    ring.initialise(labelled_tracks(recording, 2, Ring(parameters)))
     assigned = missed = 0
     for detections, truth in zip(recording.detections[2:], recording.truth[2:], strict=True):
         result = ring.process(detections)
@@ -53,7 +53,7 @@ def test_only_own_detections_or_misses_are_scored(scenario):
 def test_truth_without_sources_is_named(scenario):
     recording = simulate(scenario, 2)
     parameters = Contestant(scenario, "clairvoyant", "labelled").parameters
-    initial = labelled_tracks(recording, 2, parameters)
+    initial = labelled_tracks(recording, 2, Ring(parameters))
     for truth in recording.truth:
         truth.source_id = None
     ring = Ring(parameters, Clairvoyant(recording.truth, {1: 1, 2: 2, 3: 3, 4: 4}))

@@ -13,6 +13,7 @@ from gda_tracker.kinematics.sensor_models import cartesian_positions, polar_meas
 from gda_tracker.tracking.door import validate
 from gda_tracker.tracking.initiation import two_point_states
 from gda_tracker.tracking.labelled import labelled_tracks
+from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary import CONFIRMED, AssociationSettings, Predictions, Recording, ScanTruth
 
 VELOCITY = {7: (20.0, 0.0), 3: (0.0, -30.0)}
@@ -48,7 +49,7 @@ def parameters(term, **fusion):
 
 def test_states_are_two_point_states_of_the_last_two_scans():
     recording = recording_of()
-    tracks = labelled_tracks(recording, 3, parameters("none"))
+    tracks = labelled_tracks(recording, 3, Ring(parameters("none")))
     # By rising id: target 3, then 7; the scan of initiation is the third, at 9 s.
     expected = [
         np.append(np.add(START[i], 9.0 * np.array(VELOCITY[i])), VELOCITY[i]) for i in (3, 7)
@@ -76,7 +77,7 @@ def test_states_are_two_point_states_of_the_last_two_scans():
 def test_beliefs_are_those_of_the_stages_in_a_row(term, forgetting):
     """The same detections through fuzzifier and fusion stage, one scan after the other."""
     recording = recording_of()
-    tracks = labelled_tracks(recording, 3, parameters(term, forgetting_factor=forgetting))
+    tracks = labelled_tracks(recording, 3, Ring(parameters(term, forgetting_factor=forgetting)))
     fuzzifier = RcsFuzzifier(RcsFuzzifierParameters())
     fusion = AttributeFusion(AttributeFusionParameters(forgetting_factor=forgetting))
     belief = None
@@ -123,7 +124,10 @@ def test_beliefs_are_those_of_the_stages_in_a_row(term, forgetting):
 def test_the_tracks_are_what_a_manager_takes(term):
     recording = recording_of()
     ring = ring_of(initiation="labelled", attribute_term=term)
-    assert ring.initialise(labelled_tracks(recording, 2, parameters(term))).outcome == "initialised"
+    assert (
+        ring.initialise(labelled_tracks(recording, 2, Ring(parameters(term)))).outcome
+        == "initialised"
+    )
     for detections in recording.detections[2:]:
         tracks = ring.process(detections).tracks
     assert tracks.track_id.tolist() == [1, 2]
@@ -170,12 +174,12 @@ def test_what_it_cannot_start_from_is_named(spoil, message):
     recording = recording_of()
     spoil(recording)
     with pytest.raises(ValueError, match=message):
-        labelled_tracks(recording, 2, parameters("none"))
+        labelled_tracks(recording, 2, Ring(parameters("none")))
 
 
 def test_one_scan_is_not_enough():
     with pytest.raises(ValueError, match="at least two scans"):
-        labelled_tracks(recording_of(), 1, parameters("none"))
+        labelled_tracks(recording_of(), 1, Ring(parameters("none")))
 
 
 def test_a_labelled_detection_that_the_door_refuses_is_missing():
@@ -185,4 +189,4 @@ def test_a_labelled_detection_that_the_door_refuses_is_missing():
     ranges[recording.truth[1].source_id == 7] = np.nan
     recording.detections[1] = dataclasses.replace(scan, range_m=ranges)
     with pytest.raises(ValueError, match="scan 1 has 0 detections labelled target 7"):
-        labelled_tracks(recording, 2, parameters("none"))
+        labelled_tracks(recording, 2, Ring(parameters("none")))
