@@ -32,6 +32,8 @@ from gda_tracker.simulation.scenarios import Scenario
 DEFAULT_METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "map/bayes/cv")
 LONGEST_CHUNK = 5
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# The ring makes many small objects, and no cycles worth looking for after every 700 of them.
+GARBAGE_THRESHOLD = 100_000
 
 Progress = Callable[[int, int], None]
 
@@ -134,9 +136,10 @@ def _in_order(
 
     if workers == 1:
         answers = []
-        for task in tasks:
-            answers.append(_score_chunk(task))
-            report(task)
+        with _garbage_left():
+            for task in tasks:
+                answers.append(_score_chunk(task))
+                report(task)
         return answers
     with _one_thread_per_worker():
         executor = ProcessPoolExecutor(
@@ -162,6 +165,17 @@ def _in_order(
 
 
 @contextmanager
+def _garbage_left() -> Iterator[None]:
+    """Look for garbage rarely."""
+    before = gc.get_threshold()
+    gc.set_threshold(GARBAGE_THRESHOLD)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+@contextmanager
 def _interrupt_held() -> Iterator[None]:
     """Hold Ctrl-C back for a moment; a process that starts meanwhile leaves it to its parent.
 
@@ -177,9 +191,8 @@ def _interrupt_held() -> Iterator[None]:
 
 def _start_worker() -> None:
     """Do not outlive the parent, however it ends; look for garbage rarely."""
-    # The ring makes many small objects and no cycles worth looking for after every 700 of them.
     gc.freeze()
-    gc.set_threshold(100_000)
+    gc.set_threshold(GARBAGE_THRESHOLD)
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()

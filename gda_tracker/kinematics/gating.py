@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import chdtri
@@ -45,6 +46,7 @@ class GatedPairs:
         return len(self.hypothesis)
 
 
+@lru_cache(maxsize=64)
 def gate_threshold(gate_probability: float, dimension: int = MEASUREMENT_DIMENSION) -> float:
     """Threshold gamma on the squared Mahalanobis distance: the chi-square quantile (14.1)."""
     return float(chdtri(dimension, 1.0 - gate_probability))

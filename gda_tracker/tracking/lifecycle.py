@@ -8,6 +8,7 @@ from gda_tracker.vocabulary.arrays import BoolArray, IntArray
 from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE
 
 LONGEST_WINDOW = 60
+NEVER = np.iinfo(np.int64).max
 
 
 def hits_in_window(history: IntArray, window: int) -> IntArray:
@@ -43,11 +44,10 @@ def ended(
     A tentative one ends after ``tentative_deletion_misses`` (0: never), or as soon as it can no
     longer reach M hits within the N scans after its start.
     """
-    never = np.iinfo(np.int64).max
     if (status == CONFIRMED).all():
-        return coasted_scans >= (deletion_misses or never)
+        return coasted_scans >= (deletion_misses or NEVER)
     limit = np.where(
-        status == CONFIRMED, deletion_misses or never, tentative_deletion_misses or never
+        status == CONFIRMED, deletion_misses or NEVER, tentative_deletion_misses or NEVER
     )
     remaining = np.maximum(confirmation_scans - age_scans, 0)
     hopeless = hits_in_window(history, confirmation_scans) + remaining < confirmation_hits

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -254,7 +255,8 @@ class TrackManager:
         return self.opened
 
     def _predictions(self, key: ScanKey, table: HypothesisTable) -> Predictions:
-        p, h = self.parameters, len(table)
+        p = self.parameters
+        start, weight, model = _one_component_each(len(table))
         return Predictions(
             key=key,
             settings=AssociationSettings(
@@ -267,10 +269,10 @@ class TrackManager:
             hypothesis_id=table.hypothesis_id,
             parent_id=table.parent_id,
             track_id=table.track_id,
-            detection_probability=np.full(h, p.detection_probability),
-            component_start=np.arange(h + 1, dtype=np.int32),
-            component_weight=np.ones(h),
-            component_model=np.zeros(h, dtype=np.int32),
+            detection_probability=p.detection_probability * weight,
+            component_start=start,
+            component_weight=weight,
+            component_model=model,
             component_mean=table.mean,
             component_covariance=table.covariance,
             frame=table.frame,
@@ -320,8 +322,8 @@ class TrackManager:
         table.hits = table.hits + hit
         table.misses = table.misses + ~hit
         table.coasted_scans = np.where(hit, 0, table.coasted_scans + 1)
-        stamps = np.full(len(table), opened.scan.key.stamp_ns, dtype=np.int64)
-        table.last_detection_ns = np.where(hit, stamps, table.last_detection_ns)
+        stamp_ns = np.int64(opened.scan.key.stamp_ns)
+        table.last_detection_ns = np.where(hit, stamp_ns, table.last_detection_ns)
         source = np.append(opened.scan.source_index, -1).astype(np.int64)
         table.detection_index = source[assigned]
         table.status = confirmed(
@@ -552,3 +554,12 @@ class TrackManager:
             deleted_track_id=state.deleted_track_id,
             degraded=state.degraded,
         )
+
+
+@lru_cache(maxsize=256)
+def _one_component_each(count: int) -> tuple[Int32Array, FloatArray, Int32Array]:
+    """First component, weights and models of ``count`` hypotheses with one component each."""
+    arrays = np.arange(count + 1, dtype=np.int32), np.ones(count), np.zeros(count, dtype=np.int32)
+    for array in arrays:
+        array.flags.writeable = False
+    return arrays
