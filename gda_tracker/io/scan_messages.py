@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gda_tracker.io.fields import (
     MessageError,
@@ -95,6 +96,7 @@ def detections_to_message(detections: Detections) -> Any:
     message.range_rate_std_mps = floats_to_field(detections.range_rate_std_mps)
     message.covariance = floats_to_field(detections.covariance)
     message.time_offset_s = floats_to_field(detections.time_offset_s)
+    _attributes_to_message(detections, message)
     return message
 
 
@@ -116,6 +118,7 @@ def detections_from_message(message: Any) -> Detections:
         and d measured quantities.
     """
     range_m = floats_from_field(message.range_m)
+    names = tuple(map(str, message.attribute_names))
     elevation_rad = _optional(message.elevation_rad)
     range_rate_mps = _optional(message.range_rate_mps)
     covariance = _optional(message.covariance)
@@ -144,7 +147,23 @@ def detections_from_message(message: Any) -> Detections:
         sensor_orientation_xyzw=orientation,
         frame_id=str(message.header.frame_id),
         sequence=int(message.sequence),
+        attribute_names=names,
+        attribute_values=_table_if_it_fits(
+            floats_from_field(message.attribute_values), len(names), len(range_m)
+        ),
+        attribute_valid=_table_if_it_fits(
+            bools_from_field(message.attribute_valid), len(names), len(range_m)
+        )
+        if len(message.attribute_valid)
+        else None,
     )
+
+
+def _table_if_it_fits(values: NDArray[Any], rows: int, columns: int) -> NDArray[Any] | None:
+    """Return row-major elements as (rows, columns); those of another number as they are, (n,)."""
+    if not rows and not len(values):
+        return None
+    return values.reshape(rows, columns) if len(values) == rows * columns else values
 
 
 def scan_to_message(scan: Scan) -> Any:
@@ -166,7 +185,14 @@ def scan_to_message(scan: Scan) -> Any:
     message.rcs_m2 = floats_to_field(scan.rcs_m2)
     message.rcs_valid = bools_to_field(scan.rcs_valid)
     message.time_offset_s = floats_to_field(scan.time_offset_s)
+    _attributes_to_message(scan, message)
     return message
+
+
+def _attributes_to_message(source: Detections | Scan, message: Any) -> None:
+    message.attribute_names = [str(name) for name in source.attribute_names]
+    message.attribute_values = floats_to_field(source.attribute_values)
+    message.attribute_valid = bools_to_field(source.attribute_valid)
 
 
 def scan_from_message(message: Any) -> Scan:
@@ -182,6 +208,14 @@ def scan_from_message(message: Any) -> Scan:
     elevation_rad = _optional_of_size(message.elevation_rad, count, "elevation_rad")
     range_rate_mps = _optional_of_size(message.range_rate_mps, count, "range_rate_mps")
     size = 2 + (elevation_rad is not None) + (range_rate_mps is not None)
+    names = tuple(map(str, message.attribute_names))
+    values = floats_from_field(message.attribute_values)
+    valid = bools_from_field(message.attribute_valid)
+    table = (len(names), count)
+    values, valid = (
+        reshape(values, table, "attribute_values"),
+        reshape(valid, table, "attribute_valid"),
+    )
     noise_covariance = floats_from_field(message.noise_covariance)
     return Scan(
         key=key_from_message(message.key),
@@ -197,6 +231,9 @@ def scan_from_message(message: Any) -> Scan:
         elevation_rad=elevation_rad,
         range_rate_mps=range_rate_mps,
         time_offset_s=_optional_of_size(message.time_offset_s, count, "time_offset_s"),
+        attribute_names=names,
+        attribute_values=values if names else None,
+        attribute_valid=valid if names else None,
     )
 
 

@@ -14,6 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from gda_tracker.tracking.columns import Rejected as Rejected
+from gda_tracker.tracking.columns import column, leave_out, numbers, optional
+from gda_tracker.tracking.door_attributes import further_attributes, radar_cross_section
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 from gda_tracker.vocabulary.scans import IDENTITY_QUATERNION, Detections, Scan, ScanKey
 
@@ -27,10 +30,6 @@ SMALLEST_MINOR = 1e-12
 
 DEVIATIONS = ("range_std_m", "azimuth_std_rad", "elevation_std_rad", "range_rate_std_mps")
 OPTIONAL_QUANTITIES = ("elevation_rad", "range_rate_mps", "rcs_m2", "time_offset_s")
-
-
-class Rejected(ValueError):
-    """A scan is refused as a whole; the message is the reason's name."""
 
 
 @dataclass(frozen=True)
@@ -54,13 +53,15 @@ def validate(
         The scan with the valid detections in the source's order, and how many detections were left
         out or mended, by reason: ``not_finite``, ``negative_range``, ``zero_range``,
         ``range_too_large``, ``time_offset_too_large``, ``bad_noise`` (left out),
-        ``azimuth_wrapped``, ``rcs_not_finite``, ``rcs_negative`` (mended).
+        ``azimuth_wrapped``, ``rcs_not_finite``, ``rcs_negative`` (mended), ``attribute_not_finite``
+        (values that became unknown).
 
     Raises
     ------
     Rejected
         ``missing_sensor_id``, ``stamp_out_of_range``, ``too_many_detections``,
-        ``malformed_array``, ``array_length_mismatch`` or ``bad_sensor_pose``.
+        ``malformed_array``, ``array_length_mismatch``, ``bad_attribute_names`` or
+        ``bad_sensor_pose``.
     """
     if not isinstance(detections.sensor_id, str) or not detections.sensor_id:
         raise Rejected("missing_sensor_id")
@@ -70,11 +71,11 @@ def validate(
     if received(detections) > limit:
         raise Rejected("too_many_detections")
     position, orientation = _pose(detections)
-    range_m = _numbers(detections.range_m)
+    range_m = numbers(detections.range_m)
     n = len(range_m)
-    azimuth = _column(detections.azimuth_rad, n)
-    optional = {name: _optional(getattr(detections, name), n) for name in OPTIONAL_QUANTITIES}
-    elevation, range_rate, rcs, offset = optional.values()
+    azimuth = column(detections.azimuth_rad, n)
+    quantities = {name: optional(getattr(detections, name), n) for name in OPTIONAL_QUANTITIES}
+    elevation, range_rate, rcs, offset = quantities.values()
     measured = [q for q in (range_m, azimuth, elevation, range_rate) if q is not None]
 
     if detections.covariance is not None:
@@ -93,7 +94,8 @@ def validate(
     if beyond.any():
         counts["azimuth_wrapped"] += int(np.count_nonzero(beyond))
         azimuth[beyond] = math.pi - (math.pi - azimuth[beyond]) % (2.0 * math.pi)
-    rcs, known = _radar_cross_section(rcs, detections.rcs_valid, rows, n, counts)
+    rcs, known = radar_cross_section(rcs, detections.rcs_valid, rows, n, counts)
+    names, values, valid = further_attributes(detections, rows, n, counts)
     scan = Scan(
         key=ScanKey(epoch, detections.sensor_id, int(stamp_ns)),
         frame_id=tracking_frame,
@@ -108,6 +110,9 @@ def validate(
         elevation_rad=None if elevation is None else elevation[rows],
         range_rate_mps=None if range_rate is None else range_rate[rows],
         time_offset_s=None if offset is None else offset[rows],
+        attribute_names=names,
+        attribute_values=values,
+        attribute_valid=valid,
     )
     return scan, counts
 
@@ -133,14 +138,14 @@ def _sound_rows(
     keep = np.ones(len(range_m), dtype=bool)
     needed = measured if offset is None else [*measured, offset]
     finite = np.logical_and.reduce([np.isfinite(q) for q in needed])
-    _leave_out(keep, ~finite, "not_finite", counts)
-    _leave_out(keep, range_m < 0.0, "negative_range", counts)
-    _leave_out(keep, range_m == 0.0, "zero_range", counts)
-    _leave_out(keep, range_m > LARGEST_RANGE_M, "range_too_large", counts)
+    leave_out(keep, ~finite, "not_finite", counts)
+    leave_out(keep, range_m < 0.0, "negative_range", counts)
+    leave_out(keep, range_m == 0.0, "zero_range", counts)
+    leave_out(keep, range_m > LARGEST_RANGE_M, "range_too_large", counts)
     if offset is not None:
         too_far = np.abs(offset) > LARGEST_TIME_OFFSET_S
-        _leave_out(keep, too_far, "time_offset_too_large", counts)
-    _leave_out(keep, ~good, "bad_noise", counts)
+        leave_out(keep, too_far, "time_offset_too_large", counts)
+    leave_out(keep, ~good, "bad_noise", counts)
     return np.flatnonzero(keep)
 
 
@@ -150,35 +155,6 @@ def received(detections: Detections) -> int:
         return len(detections.range_m)
     except TypeError:
         return 0
-
-
-def _numbers(values: Any) -> FloatArray:
-    """Float64 array of one dimension."""
-    try:
-        numbers = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise Rejected("malformed_array") from None
-    if numbers.ndim != 1:
-        raise Rejected("malformed_array")
-    return numbers
-
-
-def _column(values: Any, n: int) -> FloatArray:
-    numbers = _numbers(values)
-    if len(numbers) != n:
-        raise Rejected("array_length_mismatch")
-    return numbers
-
-
-def _optional(values: Any, n: int) -> FloatArray | None:
-    return None if values is None else _column(values, n)
-
-
-def _leave_out(keep: BoolArray, bad: BoolArray, reason: str, counts: Counter[str]) -> None:
-    bad = bad & keep
-    if bad.any():
-        counts[reason] += int(np.count_nonzero(bad))
-        keep[bad] = False
 
 
 def _pose(detections: Detections) -> tuple[FloatArray, FloatArray]:
@@ -225,7 +201,7 @@ def _from_deviations(
     for measured, own, default in sources:
         values: FloatArray | float = default
         if own is not None:
-            values = _numbers(own)
+            values = numbers(own)
             if len(values) not in (n, 1):
                 raise Rejected("array_length_mismatch")
         if measured:
@@ -292,18 +268,3 @@ def _plausible(variance: FloatArray) -> BoolArray:
     """Whether the variances (n, d) of each row are all numbers to work with."""
     inside = (variance >= SMALLEST_VARIANCE) & (variance <= LARGEST_VARIANCE)
     return np.logical_and.reduce(inside, axis=1)
-
-
-def _radar_cross_section(
-    values: FloatArray | None, valid: Any, rows: np.ndarray, n: int, counts: Counter[str]
-) -> tuple[FloatArray, BoolArray]:
-    """RCS [m2] with zeros where unknown, and whether it is known."""
-    # NaN counts as not valid, like any number but 1.
-    flags = np.ones(n, dtype=bool) if valid is None else _column(valid, n) == 1.0
-    if values is None:
-        return np.zeros(len(rows)), np.zeros(len(rows), dtype=bool)
-    rcs, known = values[rows], flags[rows]
-    _leave_out(known, ~np.isfinite(rcs), "rcs_not_finite", counts)
-    _leave_out(known, rcs < 0.0, "rcs_negative", counts)
-    rcs[~known] = 0.0
-    return rcs, known

@@ -14,8 +14,9 @@ class Evidence:
 
     ``frame`` names the k elements of the frame of discernment, ``focal`` (F,) holds the Venn
     bitmask of each focal column, ``masses`` (n, F) sums to one along rows.
-    ``log_class_likelihood`` (n, C) is log f(attribute | class) [log 1/m2], 0 where the attribute
-    is unknown. Class c goes with frame element c, class 0 is the false alarm.
+    ``log_class_likelihood`` (n, C) is log f(attributes | class), up to one constant per row (the
+    RCS alone: [log 1/m2]), 0 where no attribute is known. Class c goes with frame element c, class
+    0 is the false alarm.
     ``class_probability`` (n, C) is the prior updated by this detection alone: the first belief of
     a new track. ``informative`` (n,) is False where nothing is known.
     """

@@ -27,6 +27,8 @@ class Detections:
     All arrays are (n,) unless said otherwise; ``None`` stands for "not measured". Standard
     deviations are (n,), (1,) for all, or ``None`` for the tracker's own parameter. ``covariance``
     is (n, d, d) over the measured ones of range, azimuth, elevation, range rate, in this order.
+    ``attribute_names`` names A further attributes, with their units; ``attribute_values`` and
+    ``attribute_valid`` are (A, n), without the latter all values are known.
     """
 
     sensor_id: str
@@ -49,6 +51,9 @@ class Detections:
     )
     frame_id: str = ""
     sequence: int = 0
+    attribute_names: tuple[str, ...] = ()
+    attribute_values: FloatArray | None = None
+    attribute_valid: BoolArray | None = None
 
 
 @dataclass(slots=True)
@@ -57,6 +62,8 @@ class Scan:
 
     ``noise_covariance`` is (n, d, d) over range, azimuth[, elevation][, range rate].
     ``source_index`` (n,) is the row of each detection in the source's ``Detections``.
+    ``attribute_values`` (A, n), 0 where unknown, and ``attribute_valid`` (A, n) are there where
+    ``attribute_names`` (A) names any.
     """
 
     key: ScanKey
@@ -72,6 +79,9 @@ class Scan:
     elevation_rad: FloatArray | None = None
     range_rate_mps: FloatArray | None = None
     time_offset_s: FloatArray | None = None
+    attribute_names: tuple[str, ...] = ()
+    attribute_values: FloatArray | None = None
+    attribute_valid: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.range_m)
