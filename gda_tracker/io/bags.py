@@ -21,6 +21,7 @@ import yaml
 from gda_tracker.io import bag_types
 from gda_tracker.io.bag_salvage import SalvagedRow, salvage
 from gda_tracker.io.bag_types import MissingLibraryError
+from gda_tracker.io.bag_upgrade import Upgrade, upgrade_from
 from gda_tracker.io.bag_writer import BagError, BagTopic, BagWriter
 
 __all__ = [
@@ -43,7 +44,10 @@ class DamagedBagWarning(UserWarning):
 
 @dataclass(frozen=True, slots=True)
 class BagRecord:
-    """One message in a bag, as the bytes in which it was sent."""
+    """One message in a bag, as the bytes in which it was sent.
+
+    A message of an earlier definition of ours comes in the bytes of the present one.
+    """
 
     topic: str
     type: str
@@ -82,12 +86,14 @@ class Bag:
 
     ``topics`` are its topics by name, ``notes`` the texts in its metadata (``custom_data``). A bag
     that is cut or lacks its metadata is read as far as it goes; ``damage`` then says what is wrong,
-    else it is empty.
+    else it is empty. Recordings with an earlier definition of our messages are read as if their
+    fields that came later were empty.
 
     Raises
     ------
     BagError
-        If nothing can be read, or a topic has a type of ours with another definition than here.
+        If nothing can be read, or a topic has a type of ours with a definition that is neither the
+        present one nor an earlier one.
     MissingLibraryError
         If the rosbags library is not installed.
     """
@@ -99,6 +105,7 @@ class Bag:
         self.topics: dict[str, BagTopic] = {}
         self.notes = _notes(self.path)
         self._store = bag_types.type_store()
+        self._upgrades: dict[str, Upgrade] = {}
         self._salvaged: list[SalvagedRow] = []
         self._readable: list[Path] = []
         if not self.path.exists():
@@ -137,12 +144,22 @@ class Bag:
                             + (f", the last of {last} ns" if count else "")
                         ) from error
                     count, last = count + 1, stamp
-                    yield BagRecord(
-                        connection.topic, connection.msgtype, stamp, bytes(data), self._store
-                    )
+                    yield self._record(connection.topic, connection.msgtype, stamp, bytes(data))
         for row in self._salvaged:
             if self._wanted(row.topic, topics):
-                yield BagRecord(row.topic, row.type_name, row.stamp_ns, row.data, self._store)
+                yield self._record(row.topic, row.type_name, row.stamp_ns, row.data)
+
+    def _record(self, topic: str, kind: str, stamp_ns: int, data: bytes) -> BagRecord:
+        if topic in self._upgrades:
+            from rosbags.serde import SerdeError
+
+            try:
+                data = self._upgrades[topic](data)
+            except SerdeError as error:
+                raise BagError(
+                    f"topic {topic}, stamp {stamp_ns}: not a {kind} ({error})"
+                ) from error
+        return BagRecord(topic, kind, stamp_ns, data, self._store)
 
     @staticmethod
     def _wanted(topic: str, topics: Collection[str]) -> bool:
@@ -200,9 +217,14 @@ class Bag:
         if not digest and definition:
             digest = _hash_of(kind, definition)
         if digest and digest != bag_types.type_hash(kind):
-            raise BagError(
-                f"{self.path}: topic {name} was recorded with another definition of {kind}"
-            )
+            # A definition that is not the one of the hash says nothing about the messages.
+            told = definition and _hash_of(kind, definition) == digest
+            upgrade = upgrade_from(kind, definition) if told else None
+            if upgrade is None:
+                raise BagError(
+                    f"{self.path}: topic {name} was recorded with another definition of {kind}"
+                )
+            self._upgrades[name] = upgrade
 
     def _learn(self, kind: str, definition: str) -> None:
         """Register a foreign type; where that fails its messages can be handed on but not read."""
