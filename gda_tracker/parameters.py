@@ -68,7 +68,7 @@ class Specification:
     def allowed(self) -> str:
         """The allowed values in words, e.g. ``a number > 0 and <= 1``."""
         if self.choices:
-            return "one of " + ", ".join(self.choices)
+            return ("a list, each " if self.is_list else "") + "one of " + ", ".join(self.choices)
         words = {bool: "true or false", int: "an integer", float: "a number", str: "a text"}
         text = words[self.element_kind]
         limits = []

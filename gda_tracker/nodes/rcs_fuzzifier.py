@@ -1,4 +1,4 @@
-"""Node ``rcs_fuzzifier``: radar cross sections of a scan -> belief masses and class likelihoods."""
+"""Node ``rcs_fuzzifier``: attributes of a scan -> belief masses and class likelihoods."""
 
 from __future__ import annotations
 
@@ -30,6 +30,10 @@ class RcsFuzzifierNode(StageNode):
         """Build the memberships anew."""
         super().use_parameters(parameters)
         self._fuzzifier = RcsFuzzifier(parameters)
+
+    def figures(self) -> dict[str, Any]:
+        """Counts of answers, and of attribute values out of range."""
+        return {**super().figures(), **self._fuzzifier.counters}
 
     def compute(self, entry: Inputs) -> Evidence:
         """Fuzzify the scan."""
