@@ -7,9 +7,16 @@ import numpy as np
 from gda_tracker.vocabulary import AssociationSettings, Predictions, Scan, ScanKey
 
 KEY = ScanKey(3, "radar", 5_000_000_000)
+FOUR = {
+    "class_names": ["false_alarm", "drone", "fighter", "cargo"],
+    "class_rcs_mean_m2": [0.3, 0.05, 1.2, 4.0],
+    "class_rcs_swerling": [2, 1, 3, 4],
+    "class_labels": ["FA", "D", "F", "C"],
+    "class_prior": [],
+}
 
 
-def scan_of(rcs_m2, valid=None):
+def scan_of(rcs_m2, valid=None, **fields):
     rcs_m2 = np.asarray(rcs_m2, dtype=np.float64)
     n = len(rcs_m2)
     return Scan(
@@ -25,6 +32,7 @@ def scan_of(rcs_m2, valid=None):
         rcs_valid=np.ones(n, dtype=np.bool_)
         if valid is None
         else np.asarray(valid, dtype=np.bool_),
+        **fields,
     )
 
 

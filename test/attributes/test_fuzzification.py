@@ -1,19 +1,11 @@
 import numpy as np
 import pytest
-from attribute_examples import KEY, scan_of
+from attribute_examples import FOUR, KEY, scan_of
 
 from gda_tracker.attributes.frames import element_name
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.attributes.rcs import density, log_density
 from gda_tracker.parameters import ParameterError, from_mapping, to_mapping
-
-FOUR = {
-    "class_names": ["false_alarm", "drone", "fighter", "cargo"],
-    "class_rcs_mean_m2": [0.3, 0.05, 1.2, 4.0],
-    "class_rcs_swerling": [2, 1, 3, 4],
-    "class_labels": ["FA", "D", "F", "C"],
-    "class_prior": [],
-}
 
 
 def fuzzifier(**changes):

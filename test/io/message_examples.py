@@ -68,6 +68,9 @@ def detections(count: int = 7, full: bool = True) -> Detections:
         "time_offset_s": floats(count, seed=11),
         "sensor_position_m": np.array([1.5, -0.0, np.nan]),
         "sensor_orientation_xyzw": np.array([0.1, 0.2, 0.3, 0.9]),
+        "attribute_names": ("length_m", "esm_class"),
+        "attribute_values": floats(2, count, seed=12),
+        "attribute_valid": np.arange(2 * count).reshape(2, count) % 3 == 1,
     }
     return Detections(
         sensor_id=KEY.sensor_id,
@@ -86,6 +89,9 @@ def scan(count: int = 7, full: bool = True) -> Scan:
         "elevation_rad": floats(count, seed=3),
         "range_rate_mps": floats(count, seed=4),
         "time_offset_s": floats(count, seed=5),
+        "attribute_names": ("length_m", "esm_class", "länge"),
+        "attribute_values": floats(3, count, seed=8),
+        "attribute_valid": np.arange(3 * count).reshape(3, count) % 2 == 1,
     }
     size = 4 if full else 2
     return Scan(

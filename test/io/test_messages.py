@@ -131,6 +131,27 @@ def test_detections_of_mismatched_lengths_are_handed_on():
     assert read.rcs_valid.tolist() == [True, False, True, True]
 
 
+def test_attributes_of_mismatched_lengths_are_handed_on():
+    message = DetectionArray()
+    message.range_m = message.azimuth_rad = [1.0, 2.0]
+    message.attribute_names = ["length_m", "esm_class"]
+    message.attribute_values = [1.0, 2.0, 3.0]
+    message.attribute_valid = [1, 0, 0, 1]
+    read = messages.detections_from_message(over_the_wire(message))
+    assert read.attribute_names == ("length_m", "esm_class")
+    assert read.attribute_values.tolist() == [1.0, 2.0, 3.0]
+    assert read.attribute_valid.tolist() == [[True, False], [False, True]]
+    message.attribute_names = []
+    assert len(messages.detections_from_message(message).attribute_values) == 3
+
+
+def test_attributes_of_a_scan_without_detections():
+    original = examples.detections(0)
+    read = messages.detections_from_message(messages.detections_to_message(original))
+    assert read.attribute_names == original.attribute_names
+    assert read.attribute_values.shape == (2, 0)
+
+
 def test_orientation_of_zeros_is_the_identity():
     read = messages.detections_from_message(DetectionArray())
     assert read.sensor_orientation_xyzw.tolist() == [0.0, 0.0, 0.0, 1.0]
@@ -154,7 +175,7 @@ CUT = [
     (stem, field)
     for stem, fields in {
         "scan": "source_index azimuth_rad elevation_rad range_rate_mps noise_covariance rcs_m2 "
-        "rcs_valid time_offset_s",
+        "rcs_valid time_offset_s attribute_names attribute_values attribute_valid",
         "evidence": "masses log_class_likelihood class_probability",
         "predictions": "parent_id track_id detection_probability component_start "
         "component_weight component_model component_mean component_covariance masses "
