@@ -136,6 +136,9 @@ REJECTED = {
     "too_many_detections": flood,
     "late": lambda d: replace(d, stamp_ns=d.stamp_ns - 6_000_000_000),
     "missing_sensor_id": lambda d: spoil(d, sensor_id=""),
+    "bad_attribute_names": lambda d: spoil(
+        d, attribute_names=("length_m", ""), attribute_values=np.zeros((2, len(d.range_m)))
+    ),
     "bad_sensor_pose": lambda d: spoil(d, sensor_position_m=np.array([np.inf, 0.0, 0.0])),
 }
 
@@ -170,9 +173,17 @@ def test_broken_detections_are_left_out_and_the_rest_is_tracked(domain, crossing
                 azimuth_rad=np.concatenate([detections.azimuth_rad, [0.0, 0.0, 0.0, 0.0]]),
                 rcs_m2=np.concatenate([detections.rcs_m2, [1.0, 1.0, 1.0, np.nan]]),
                 rcs_valid=None,
+                # Of an attribute that no parameter declares: checked and counted all the same.
+                attribute_names=("length_m",),
+                attribute_values=np.append(np.nan, np.ones(n + 3))[None],
             )
             answer = bench.send(bad)
-            assert answer.rejected == {"not_finite": 2, "negative_range": 1, "zero_range": 1}
+            assert answer.rejected == {
+                "not_finite": 2,
+                "negative_range": 1,
+                "zero_range": 1,
+                "attribute_not_finite": 1,
+            }
             assert (answer.detections_received, answer.detections_admitted) == (n + 4, n)
         bench.until(lambda: len(bench.client.tracks) == len(play.detections))
         assert differences(bench.client.tracks, expected) == []
@@ -302,6 +313,22 @@ def test_live_parameters_act_or_are_refused_with_a_reason(domain, crossing):
         ended = bench.client.tracks[("radar", empty.stamp_ns)]
         assert len(ended) == 0
         assert ended.deleted_track_id.tolist() == [1, 2]
+
+
+def test_attribute_values_out_of_range_are_counted_in_diagnostics(domain, crossing):
+    play, parameters, _ = crossing
+    parameters["rcs_fuzzifier"] |= {
+        "attribute_names": ["length_m"],
+        "attribute_models": ["lognormal"],
+        "attribute_numbers": [3.0, 1.0, 15.0, 0.3, 40.0, 0.3],
+    }
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        first = play.detections[0]
+        lengths = np.append(-5.0, np.full(len(first.range_m) - 1, 20.0))
+        sent = replace(first, attribute_names=("length_m",), attribute_values=lengths[None])
+        assert bench.send(sent).outcome == "tracked"
+        bench.until(lambda: bench.client.value("rcs_fuzzifier", "length_m_out_of_range") == "1")
 
 
 WRONG = {

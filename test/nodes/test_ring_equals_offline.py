@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from pathlib import Path
 
 import pytest
 from graph_helpers import (
@@ -17,6 +18,7 @@ from graph_helpers import (
 
 from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses
 from gda_tracker.nodes.scan_source import ScanSourceNode
+from gda_tracker.simulation.playback import Playback
 
 METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "gda/dempster/cv", "map/bayes/cv")
 
@@ -46,6 +48,24 @@ def test_automatic_initiation(environment):
     expected = offline(plays, parameters)
     assert max(len(tracks) for tracks in expected.values()) > 2
     played = play_in_processes(plays, parameters, environment)
+    assert differences(played.tracks, expected) == []
+
+
+def test_four_classes_and_further_attributes(environment, domain, monkeypatch):
+    """The preset with declared attributes, detections that bring them, tracks of both rings."""
+    monkeypatch.syspath_prepend(Path(__file__).parent.parent / "tracking")
+    import four_class_examples
+
+    item = four_class_examples.recording(3)
+    parameters = four_class_examples.parameters()
+    plays = [Playback(item.name, item.detections, item.truth, None)]
+    expected = offline(plays, parameters)
+    last = expected[("radar", item.detections[-1].stamp_ns)]
+    assert last.class_names == four_class_examples.CLASSES
+    assert len(last) >= 3
+    played = play_in_processes(plays, parameters, environment)
+    assert differences(played.tracks, expected) == []
+    played = play_in_one_process(plays, parameters, domain)
     assert differences(played.tracks, expected) == []
 
 
