@@ -44,20 +44,23 @@ class RcsFuzzifier:
 
     With the radar cross section alone the focal columns are the k labels of the frame, then total
     ignorance; with declared attributes those and their intersections, the same for every scan.
-    ``counters`` counts, by attribute, the values that were out of range.
 
     Parameters
     ----------
     parameters
         The stage's parameters.
+    counters
+        Where to count, by attribute, the values that were out of range.
     """
 
-    def __init__(self, parameters: RcsFuzzifierParameters) -> None:
+    def __init__(
+        self, parameters: RcsFuzzifierParameters, counters: Counter[str] | None = None
+    ) -> None:
         self.parameters = parameters
         self.frame = tuple(parameters.class_labels)
         self.class_names = tuple(parameters.class_names)
         self.prior = np.array(parameters.prior)
-        self.counters: Counter[str] = Counter()
+        self.counters: Counter[str] = Counter() if counters is None else counters
         means, models = parameters.class_rcs_mean_m2, parameters.class_rcs_swerling
         self._shape = gamma_shape(models)
         self._rate = self._shape / np.array(means)

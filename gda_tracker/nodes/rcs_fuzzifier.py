@@ -29,11 +29,7 @@ class RcsFuzzifierNode(StageNode):
     def use_parameters(self, parameters: RcsFuzzifierParameters) -> None:
         """Build the memberships anew."""
         super().use_parameters(parameters)
-        self._fuzzifier = RcsFuzzifier(parameters)
-
-    def figures(self) -> dict[str, Any]:
-        """Counts of answers, and of attribute values out of range."""
-        return {**super().figures(), **self._fuzzifier.counters}
+        self._fuzzifier = RcsFuzzifier(parameters, self.counters)
 
     def compute(self, entry: Inputs) -> Evidence:
         """Fuzzify the scan."""

@@ -6,7 +6,7 @@ from attribute_examples import FOUR, scan_of
 from scipy import stats
 
 from gda_tracker.attributes.frames import element_name, total_ignorance
-from gda_tracker.attributes.fusion import fuse_pairs
+from gda_tracker.attributes.fusion import class_prior, fuse_pairs
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.attributes.rcs import density
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS
@@ -147,6 +147,15 @@ def test_values_out_of_range_are_counted_by_attribute():
     stage(with_length([1.0, 1e9, np.nan], [0.1, -4.0, np.nan], range_rate_mps=np.zeros(3)))
     # What is not known is not counted; the RCS that is no number comes marked as valid here.
     assert stage.counters == {"rcs_m2_out_of_range": 2, "length_m_out_of_range": 2}
+
+
+def test_fusion_finds_the_prior_behind_the_evidence():
+    """Also where every detection all but excludes a class."""
+    prior = [0.1, 0.2, 0.3, 0.4]
+    stage = fuzzifier(**{**DECLARED, "class_prior": prior})
+    evidence = stage(with_length([0.1, 2.0], [1.4, 16.0], range_rate_mps=np.array([390.0, -390.0])))
+    assert np.ptp(evidence.log_class_likelihood, axis=1).min() == 500.0
+    np.testing.assert_allclose(class_prior(evidence), prior, rtol=1e-9)
 
 
 @pytest.mark.parametrize("rule", ["dsm_classic", "dempster"])
