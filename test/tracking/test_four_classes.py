@@ -20,9 +20,8 @@ TARGETS = np.array([1, 2, 3])
 
 def play(item, **changes):
     """Tracks after each scan, started from the first two; track i is target i."""
-    values = parameters(**LABELLED, **changes)
-    ring = Ring(values)
-    assert ring.initialise(labelled_tracks(item, 2, values)).outcome == "initialised"
+    ring = Ring(parameters(**LABELLED, **changes))
+    assert ring.initialise(labelled_tracks(item, 2, ring)).outcome == "initialised"
     results = [ring.process(detections) for detections in item.detections[2:]]
     assert {result.report.outcome for result in results} == {"tracked"}
     return [result.tracks for result in results]
