@@ -32,11 +32,10 @@ import numpy as np
 from gda_tracker.attributes.destinations import RULES, Destinations, NothingAliveError, destinations
 from gda_tracker.attributes.frames import (
     Model,
-    check_element,
     element_name,
+    free_element,
     sort_elements,
     total_ignorance,
-    upward_closure,
 )
 from gda_tracker.attributes.rules import TotalConflictError
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
@@ -176,22 +175,13 @@ def _checked(model: Model, source: Mapping[int, float], index: int) -> dict[int,
             raise ValueError(
                 f"source {index}, mass {mass} of mask {int(mask):#x}: allowed is 0 or more"
             )
-        free = _free_element(model, int(mask))
+        free = free_element(model, int(mask))
         if mass > 0.0:
             body[free] = body.get(free, 0.0) + mass
     total = fsum(body.values())
     if abs(total - 1.0) > SUM_TOLERANCE:
         raise ValueError(f"source {index}: masses sum to {total:.9g}, allowed is 1")
     return body
-
-
-def _free_element(model: Model, mask: int) -> int:
-    if mask == model.alive:
-        return total_ignorance(model.size)
-    closed = upward_closure(model.size, mask)
-    if mask > 0 and closed & model.alive == mask:
-        return closed
-    return check_element(model.names, mask)
 
 
 def _positive(masses: Mapping[int, float]) -> dict[int, float]:

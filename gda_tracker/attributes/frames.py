@@ -182,6 +182,23 @@ def check_element(names: Sequence[str], mask: int, model: Model | None = None) -
     return mask
 
 
+def free_element(model: Model, mask: int) -> int:
+    """Return an element that may have been reduced by a model as an element of the free model.
+
+    Elements of the free model are returned as they are, total ignorance of the model as total
+    ignorance, other reduced elements as the smallest element that the model reduces to them.
+
+    Raises
+    ------
+    ValueError
+        If ``mask`` is neither.
+    """
+    if mask == model.alive:
+        return total_ignorance(model.size)
+    closed = upward_closure(model.size, mask) if mask > 0 else 0
+    return check_element(model.names, closed if closed & model.alive == mask else mask)
+
+
 def element_name(names: Sequence[str], mask: int, model: Model | None = None) -> str:
     """Write an element as a union of intersections, ``&`` before ``|``, e.g. ``VS&S|B``.
 
