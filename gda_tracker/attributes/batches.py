@@ -246,7 +246,7 @@ def _shares(rule: str, shares: Shares, values: Sequence[FloatArray]) -> FloatArr
 
 
 def _history(table: RuleTable, first: FloatArray) -> FloatArray:
-    if table.columns[0] != len(table.focal) or table.merges[0] is not None:
+    if not table.keeps_columns:
         raise ValueError("keep_first: allowed with a table of history_table")
     return first
 

@@ -80,6 +80,8 @@ class RuleTable:
         What PCR does with dead tuples, ``None`` if there are none.
     ignorance
         Column of total ignorance in the outcome, -1 if no product goes there.
+    keeps_columns
+        Whether the columns of the first source are those of the outcome.
     """
 
     rule: str
@@ -94,6 +96,7 @@ class RuleTable:
     homeless: BoolArray | None
     shares: Shares | None
     ignorance: int
+    keeps_columns: bool
 
 
 def rule_table(rule: str, model: Model, columns: Sequence[MaskArray]) -> RuleTable:
@@ -232,6 +235,7 @@ def _rule_table(rule: str, model: Model, columns: tuple[bytes, ...], outcome: by
         homeless=moves.homeless if moves.homeless.any() else None,
         shares=_shares(model, elements, chosen, column) if len(chosen[0]) else None,
         ignorance=column.get(_reduced(rule, model, total_ignorance(model.size)), -1),
+        keeps_columns=sources[0] == reduced.tolist(),
     )
 
 

@@ -191,7 +191,7 @@ def test_total_conflict():
     grid, conflict = combine_grid(table, history, measurement, keep_first=True)
     np.testing.assert_array_equal(grid[0], [[1, 0, 0], [1, 0, 0], [1, 0, 0]])
     np.testing.assert_array_equal(conflict[0], [1.0, 1.0, 0.0])
-    other = rule_table("dempster", model, [measured(2)[:2], measured(2)])
+    other = rule_table("dempster", model, [measured(2)[1::-1], measured(2)])
     with pytest.raises(ValueError, match="keep_first: allowed with a table of history_table"):
         combine_rows(other, [history[:, :2], measurement], keep_first=True)
 
