@@ -48,8 +48,10 @@ __all__ = [
     "rule_table",
 ]
 
-# Numbers in one block of products: it stays in the cache of a core.
+# Numbers in one block of products, and of shares (of which there are several arrays): they stay in
+# the cache of a core.
 _BLOCK = 1 << 17
+_SHARE_BLOCK = 1 << 14
 
 
 def combine_rows(
@@ -98,13 +100,18 @@ def combine_rows(
         masses[block] = products @ table.contraction
         conflict[block] = products @ table.dead
         rest[block] = products @ (1.0 - table.dead)
-    if table.shares is not None:
-        for block in _blocks(rows, len(table.shares.columns[0])):
+    if table.shares is not None and len(merged) == 2:
+        inverse, own = _inverses(table.shares, merged), _own_columns(table.shares, merged)
+        for block in _blocks(rows, len(table.shares.columns[0]), _SHARE_BLOCK):
+            total = inverse[0][block] + inverse[1][block]
+            masses[block] += _shares_of_two(table.shares, total, own[0][block], own[1][block])
+    elif table.shares is not None:
+        for block in _blocks(rows, len(table.shares.columns[0]), _SHARE_BLOCK):
             values = [
                 source[block][:, column]
                 for source, column in zip(merged, table.shares.columns, strict=True)
             ]
-            masses[block] += _shares(table.rule, table.shares, values)
+            masses[block] += _shares_of_many(table.rule, table.shares, values)
     if table.rule == "dempster":
         _normalise(masses, rest, _history(table, sources[0]) if keep_first else None)
     return masses, conflict
@@ -146,15 +153,11 @@ def combine_grid(
     dead = table.dead.reshape(table.shape)
     conflict = (left @ dead) @ right.T
     if table.shares is not None:
-        x = left[:, table.shares.columns[0]]
-        y = right[:, table.shares.columns[1]]
-        for block in _blocks(n, m * len(table.shares.columns[0])):
-            shape = (len(x[block]), m, x.shape[1])
-            values = [
-                np.broadcast_to(x[block][:, None, :], shape),
-                np.broadcast_to(y[None, :, :], shape),
-            ]
-            masses[block] += _shares(table.rule, table.shares, values)
+        inverse = _inverses(table.shares, [left, right])
+        own = _own_columns(table.shares, [left, right])
+        for block in _blocks(n, m * len(table.shares.columns[0]), _SHARE_BLOCK):
+            total = inverse[0][block, None, :] + inverse[1]
+            masses[block] += _shares_of_two(table.shares, total, own[0][block, None, :], own[1])
     if table.rule == "dempster":
         kept = _history(table, first)[:, None, :] if keep_first else None
         _normalise(masses, (left @ (1.0 - dead)) @ right.T, kept)
@@ -200,8 +203,9 @@ def _merged(table: RuleTable, sources: Sequence[FloatArray]) -> list[FloatArray]
     ]
 
 
-def _blocks(rows: int, width: int) -> Iterator[slice]:
-    step = max(1, _BLOCK // max(width, 1))
+def _blocks(rows: int, width: int, size: int = _BLOCK) -> Iterator[slice]:
+    """Slices of rows of so many numbers each."""
+    step = max(1, size // max(width, 1))
     for begin in range(0, rows, step):
         yield slice(begin, begin + step)
 
@@ -219,15 +223,41 @@ def _check_homeless(table: RuleTable, products: FloatArray) -> None:
         )
 
 
-def _shares(rule: str, shares: Shares, values: Sequence[FloatArray]) -> FloatArray:
-    """Shares (..., G) of the products of dead tuples, from the masses (..., D) in them.
+def _inverses(shares: Shares, sources: Sequence[FloatArray]) -> list[FloatArray]:
+    """1/m (P, D) of each source in the dead tuples, infinite where there is no mass."""
+    with np.errstate(divide="ignore", over="ignore"):
+        return [
+            np.reciprocal(source)[:, column]
+            for source, column in zip(sources, shares.columns, strict=True)
+        ]
 
-    For two sources X and Y: m1(X)^2 m2(Y)/(m1(X) + m2(Y)) to X and m1(X) m2(Y)^2/(m1(X) + m2(Y)) to
-    Y, under PCR5 and PCR6.
+
+def _own_columns(shares: Shares, sources: Sequence[FloatArray]) -> list[FloatArray]:
+    """Masses of each source over the columns of the outcome, (P, G)."""
+    return [source @ place for source, place in zip(sources, shares.places, strict=True)]
+
+
+def _shares_of_two(
+    shares: Shares, total: FloatArray, first: FloatArray, second: FloatArray
+) -> FloatArray:
+    """Shares (..., G) of dead pairs, from ``total`` (..., D), the sum of 1/m1(X) and 1/m2(Y).
+
+    With r = m1(X) m2(Y)/(m1(X) + m2(Y)) = 1/(1/m1(X) + 1/m2(Y)) the element X gets r m1(X) and Y
+    gets r m2(Y). As X takes part in several pairs, its r are added before they are multiplied.
     """
-    if len(values) == 2:
-        weights = list(values)
-    elif rule == "pcr6":
+    pairs = total.shape[:-1]
+    ratio = np.reciprocal(total, out=total).reshape(-1, total.shape[-1])
+    result = (ratio @ shares.scatter[0]).reshape(*pairs, -1)
+    result *= first
+    other = (ratio @ shares.scatter[1]).reshape(*pairs, -1)
+    other *= second
+    result += other
+    return np.asarray(result)
+
+
+def _shares_of_many(rule: str, shares: Shares, values: Sequence[FloatArray]) -> FloatArray:
+    """Shares (P, G) of dead tuples of three or more sources, from the masses (P, D) in them."""
+    if rule == "pcr6":
         weights = [value * here for value, here in zip(values, shares.surviving, strict=True)]
     else:
         weights = [
@@ -237,12 +267,8 @@ def _shares(rule: str, shares: Shares, values: Sequence[FloatArray]) -> FloatArr
     # No weight is below the product: where the total is zero there is nothing to share.
     total = np.maximum(reduce(np.add, weights), np.finfo(np.float64).tiny)
     ratio = reduce(np.multiply, values) / total
-    dead = ratio.shape[-1]
-    parts = [
-        (ratio * weight).reshape(-1, dead) @ scatter
-        for weight, scatter in zip(weights, shares.scatter, strict=True)
-    ]
-    return reduce(np.add, parts).reshape(*ratio.shape[:-1], -1)
+    parts = zip(weights, shares.scatter, strict=True)
+    return reduce(np.add, [(ratio * weight) @ scatter for weight, scatter in parts])
 
 
 def _history(table: RuleTable, first: FloatArray) -> FloatArray:

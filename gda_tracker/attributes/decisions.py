@@ -89,6 +89,45 @@ def pignistic_matrix(model: Model, focal: MaskArray) -> FloatArray:
     return _pignistic_matrix(model, np.asarray(focal, dtype=np.uint32).tobytes())
 
 
+def belief(model: Model, focal: MaskArray, masses: FloatArray, elements: MaskArray) -> FloatArray:
+    """Belief of elements: the mass of all that is inside of them (Shafer 1976).
+
+    Parameters
+    ----------
+    model
+        The model; the mass of elements that are dead on it is moved first, as by :func:`project`.
+    focal
+        (E,) Venn bitmasks, elements of the free model.
+    masses
+        (..., E) masses.
+    elements
+        (Q,) Venn bitmasks of the elements asked for; of a dead one belief is 0.
+
+    Returns
+    -------
+    (..., Q) array
+    """
+    moved, asked = _moved(model, focal), model.reduce(elements)
+    return masses @ ((moved[:, None] & asked[None, :]) == moved[:, None]).astype(np.float64)
+
+
+def plausibility(
+    model: Model, focal: MaskArray, masses: FloatArray, elements: MaskArray
+) -> FloatArray:
+    """Plausibility of elements: the mass of all that meets them (Shafer 1976).
+
+    Arguments and result as of :func:`belief`.
+    """
+    moved, asked = _moved(model, focal), model.reduce(elements)
+    return masses @ ((moved[:, None] & asked[None, :]) != 0).astype(np.float64)
+
+
+def _moved(model: Model, focal: MaskArray) -> MaskArray:
+    return np.array(
+        [move_to_model(model, mask) for mask in np.asarray(focal).tolist()], dtype=np.uint32
+    )
+
+
 def pignistic_entropy(
     model: Model, focal: MaskArray, masses: FloatArray, base: float = 2.0
 ) -> FloatArray:

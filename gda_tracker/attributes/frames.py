@@ -29,8 +29,10 @@ import numpy as np
 
 from gda_tracker.vocabulary.arrays import MaskArray
 
-# Five elements have 31 Venn parts, which fit into the 32 bits of a mask.
+# Five elements have 31 Venn parts, which fit into the 32 bits of a mask; six have 63, and 7,828,352
+# elements in their hyper-power set, too many for a table of masses.
 MAX_ELEMENTS = 5
+_TOO_LARGE = f"allowed are 1 to {MAX_ELEMENTS} elements; six have 7828352 unions and intersections"
 
 _NAME = re.compile(r"[^\s&|()]+")
 _TOKEN = re.compile(r"\s*([^\s&|()]+|[&|()])")
@@ -47,7 +49,7 @@ def check_frame(names: Sequence[str]) -> tuple[str, ...]:
     """
     frame = tuple(names)
     if not 1 <= len(frame) <= MAX_ELEMENTS:
-        raise ValueError(f"frame = {list(frame)}: allowed are 1 to {MAX_ELEMENTS} elements")
+        raise ValueError(f"frame = {list(frame)}: {_TOO_LARGE}")
     if len(set(frame)) < len(frame):
         raise ValueError(f"frame = {list(frame)}: allowed are names that differ")
     for name in frame:
@@ -317,7 +319,7 @@ def hyper_power_set(size: int) -> MaskArray:
     present).
     """
     if not 1 <= size <= MAX_ELEMENTS:
-        raise ValueError(f"frame of {size} elements: allowed are 1 to {MAX_ELEMENTS}")
+        raise ValueError(f"frame of {size} elements: {_TOO_LARGE}")
     tables = np.array([0, 1], dtype=np.uint64)
     for element in range(size):
         lower, upper = tables[:, None], tables[None, :]

@@ -40,6 +40,8 @@ class Shares:
     scatter
         For each source, (D, G) zeros and ones that carry the shares of its elements to the columns
         of the outcome.
+    places
+        For each source, (Es, G) zeros and ones that carry its surviving columns to their own.
     """
 
     columns: tuple[IntArray, ...]
@@ -47,6 +49,7 @@ class Shares:
     first: FloatArray
     same: BoolArray
     scatter: tuple[Any, ...]
+    places: tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,6 +153,12 @@ def history_table(
         As in :func:`rule_table`.
     """
     return _history_table(rule, model, _key(history), _key(measurement))
+
+
+def clear() -> None:
+    """Forget all tables."""
+    _history_table.cache_clear()
+    _rule_table.cache_clear()
 
 
 def _key(masks: MaskArray) -> bytes:
@@ -273,15 +282,17 @@ def _shares(
     surviving = (masks & alive) != 0
     same = masks[:, None, :] == masks[None, :, :]
     repeated = np.array([same[source, :source].any(axis=0) for source in range(len(masks))])
-    scatter = tuple(
-        _one_hot([column.get(mask, -1) for mask in row.tolist()], len(column)) for row in masks
-    )
+
+    def to_outcome(focal: MaskArray) -> Any:
+        return _one_hot([column.get(mask, -1) for mask in focal.tolist()], len(column))
+
     return Shares(
         columns=tuple(np.asarray(index, dtype=np.int64) for index in chosen),
         surviving=surviving.astype(np.float64),
         first=(surviving & ~repeated).astype(np.float64),
         same=same,
-        scatter=scatter,
+        scatter=tuple(map(to_outcome, masks)),
+        places=tuple(map(to_outcome, elements)),
     )
 
 

@@ -123,6 +123,48 @@ def test_pignistic_probabilities_agree_with_evidencelib(seed, size):
     np.testing.assert_allclose(sorted(ours[ours > 0]), sorted(regions), atol=1e-9)
 
 
+def test_belief_and_plausibility_by_hand():
+    names = ("A", "B", "C")
+    focal = columns(names, ["A", "B|C", "A|B|C", "A&B"])
+    masses = np.array([[0.4, 0.2, 0.3, 0.1]])
+    asked = columns(names, ["A", "A|B", "C", "A&C"])
+    # On the free model C is met by all, A & C too; on Shafer's model A & B is A | B.
+    free, shafer = free_model(names), shafer_model(names)
+    np.testing.assert_allclose(decisions.belief(free, focal, masses, asked), [[0.5, 0.5, 0, 0]])
+    np.testing.assert_allclose(decisions.plausibility(free, focal, masses, asked), [[1, 1, 1, 1]])
+    np.testing.assert_allclose(decisions.belief(shafer, focal, masses, asked), [[0.4, 0.5, 0, 0]])
+    np.testing.assert_allclose(
+        decisions.plausibility(shafer, focal, masses, asked), [[0.8, 1.0, 0.5, 0.0]]
+    )
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.integers(2, 4))
+def test_belief_and_plausibility_agree_with_evidencelib(seed, size):
+    names, (focal, masses) = NAMES[:size], random_masses(size, seed, rows=1)
+    model, frame = free_model(names), evidencelib.Frame.dsmt(names)
+    theirs = frame.mass(
+        {element_name(names, mask): m for mask, m in zip(focal, masses[0], strict=True)}
+    )
+    asked = np.random.default_rng(seed).choice(hyper_power_set(size), 4)
+    texts = [element_name(names, mask) for mask in asked]
+    bel = decisions.belief(model, focal, masses, asked)[0]
+    pl = decisions.plausibility(model, focal, masses, asked)[0]
+    np.testing.assert_allclose(bel, [theirs.belief(text) for text in texts], atol=1e-9)
+    np.testing.assert_allclose(pl, [theirs.plausibility(text) for text in texts], atol=1e-9)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.integers(1, 4))
+def test_probability_lies_between_belief_and_plausibility(seed, size):
+    names, (focal, masses) = NAMES[:size], random_masses(size, seed)
+    for model in (free_model(names), shafer_model(names)):
+        asked = np.array(singletons(size), dtype=np.uint32)
+        probability = decisions.generalised_pignistic(model, focal, masses)
+        assert (decisions.belief(model, focal, masses, asked) <= probability + 1e-12).all()
+        assert (probability <= decisions.plausibility(model, focal, masses, asked) + 1e-12).all()
+
+
 def test_on_shafers_model_it_is_betp():
     names = ("A", "B", "C")
     focal = columns(names, ["A", "B|C", "A|B|C"])

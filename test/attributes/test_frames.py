@@ -9,6 +9,7 @@ from gda_tracker.attributes.frames import (
     check_frame,
     constrained_model,
     element_name,
+    free_element,
     free_model,
     hyper_power_set,
     intersection_closure,
@@ -50,7 +51,7 @@ def test_hyper_power_set_is_the_closure_of_the_elements(size):
 
 @pytest.mark.parametrize("size", [0, 6])
 def test_frames_too_small_or_large(size):
-    with pytest.raises(ValueError, match="allowed are 1 to 5"):
+    with pytest.raises(ValueError, match="1 to 5 elements; six have 7828352 unions"):
         hyper_power_set(size)
     with pytest.raises(ValueError, match="allowed are 1 to 5 elements"):
         check_frame([f"E{i}" for i in range(size)])
@@ -188,3 +189,21 @@ def test_columns_of_histories_have_a_fixed_order():
     on_shafer = intersection_closure(focal, shafer_model(RCS).alive)
     written = [element_name(RCS, mask, shafer_model(RCS)) for mask in on_shafer]
     assert written == ["VS", "S", "B", "VS|S|B"]
+
+
+def test_elements_reduced_by_a_model_are_known_on_the_free_one():
+    shafer = shafer_model(RCS)
+    for mask in hyper_power_set(3).tolist():
+        assert free_element(shafer, mask) == mask
+        reduced = mask & shafer.alive
+        if reduced:
+            free = free_element(shafer, reduced)
+            assert free & shafer.alive == reduced
+            # Smallest of the elements that the model merges.
+            merged = [m for m in hyper_power_set(3).tolist() if m & shafer.alive == reduced]
+            assert free in (np.bitwise_and.reduce(merged), total_ignorance(3))
+    dead = constrained_model(RCS, ["VS"])
+    assert free_element(dead, dead.alive) == total_ignorance(3)
+    for mask in (0, -1, 0b11, 1 << 7):
+        with pytest.raises(ValueError, match="allowed are elements of the hyper-power set"):
+            free_element(dead, mask)
