@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_combination import NAMES, masks, problem, random_model
+from random_evidence import NAMES, masks, problem, random_model
 
 from gda_tracker.attributes.batches import (
     combine_grid,

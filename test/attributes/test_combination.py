@@ -4,6 +4,7 @@ from dictionary_rules import NoAnswer, assert_same, from_mask
 from dictionary_rules import combine as combine_sets
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_evidence import NAMES, masks, problem, random_source, survivors
 
 from gda_tracker.attributes.combination import (
     RULES,
@@ -19,19 +20,13 @@ from gda_tracker.attributes.frames import (
     element_name,
     free_model,
     hyper_power_set,
-    parse_element,
     shafer_model,
     total_ignorance,
 )
 
-NAMES = ("A", "B", "C", "D")
 CONSERVING = ("dsmc", "dsmh", "dempster", "yager", "pcr5", "pcr6")
 seeds = st.integers(0, 2**32 - 1)
 sizes = st.integers(1, 4)
-
-
-def masks(names, source):
-    return {parse_element(names, element): mass for element, mass in source.items()}
 
 
 def fuse(rule, model, *sources):
@@ -40,42 +35,6 @@ def fuse(rule, model, *sources):
     reading = None if rule == "dsmc" else model
     named = {element_name(model.names, m, reading): mass for m, mass in fused.masses.items()}
     return named, fused.conflict
-
-
-def random_model(size, random):
-    """Free, Shafer's or a hybrid model of up to four constraints."""
-    names, kind = NAMES[:size], random.integers(0, 4 if size > 1 else 2)
-    if kind == 0:
-        return free_model(names)
-    if kind == 1:
-        return shafer_model(names)
-    while True:
-        empty = random.choice(hyper_power_set(size), random.integers(1, 5))
-        try:
-            return constrained_model(names, empty.tolist())
-        except ValueError:  # nothing left
-            continue
-
-
-def random_source(size, random, elements=None):
-    if elements is None:
-        elements = hyper_power_set(size)
-    focal = random.permutation(elements)[: random.integers(1, 6)]
-    masses = random.dirichlet(np.ones(len(focal)))
-    return dict(zip(focal.tolist(), masses.tolist(), strict=True))
-
-
-def survivors(model):
-    elements = hyper_power_set(model.size)
-    return elements[(elements & np.uint32(model.alive)) != 0]
-
-
-def problem(seed, size, sources=None, alive=False):
-    random = np.random.default_rng(seed)
-    model = random_model(size, random)
-    elements = survivors(model) if alive else None
-    count = random.integers(1, 4) if sources is None else sources
-    return model, [random_source(size, random, elements) for _ in range(count)]
 
 
 def by_sets(names, fused):

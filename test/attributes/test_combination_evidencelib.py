@@ -23,7 +23,7 @@ import evidencelib
 import numpy as np
 import pytest
 from evidencelib.exceptions import TotalConflictError as TheirTotalConflictError
-from test_combination import NAMES
+from random_evidence import NAMES
 
 from gda_tracker.attributes.combination import (
     RULES,

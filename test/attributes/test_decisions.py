@@ -12,6 +12,7 @@ from dictionary_rules import (
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_evidence import random_model
 
 from gda_tracker.attributes import decisions, rules
 from gda_tracker.attributes.frames import (
@@ -121,6 +122,16 @@ def test_pignistic_probabilities_agree_with_evidencelib(seed, size):
     regions = [p for p in theirs.pignistic_regions().values() if p > 0]
     ours = decisions.part_probability(model, focal, masses)[0]
     np.testing.assert_allclose(sorted(ours[ours > 0]), sorted(regions), atol=1e-9)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.integers(1, 4))
+def test_probabilities_of_disjoint_parts_sum_to_one_on_any_model(seed, size):
+    model = random_model(size, np.random.default_rng(seed))
+    focal, masses = random_masses(size, seed)
+    parts = decisions.part_probability(model, focal, masses)
+    assert parts.shape == (len(masses), model.alive.bit_count())
+    np.testing.assert_allclose(parts.sum(axis=1), 1.0, atol=1e-12)
 
 
 def test_belief_and_plausibility_by_hand():
