@@ -1,4 +1,4 @@
-"""Integrals of covering functions by other means: scipy's adaptive quadrature, line by line."""
+"""Integrals of covering functions by other means: dense quadrature, or scipy's, chord by chord."""
 
 from __future__ import annotations
 
@@ -7,21 +7,26 @@ from scipy.integrate import quad
 from scipy.special import log_ndtr, ndtr
 
 
-def scalar_integral(function, mean, variance, knots=()):
-    """Integral of function(z) N(z; mean, variance) dz by scipy, piece by piece."""
-    deviation = np.sqrt(variance)
+def pieces(mean, deviation, knots):
+    """Edges of pieces that cover 12 standard deviations either way and break at the knots."""
     edges = [mean + k * deviation for k in (-12, -8, -5, -3, -1, 0, 1, 3, 5, 8, 12)]
     edges += [knot for knot in np.ravel(knots) if edges[0] < knot < edges[-1]]
-    edges = sorted(set(edges))
+    return np.array(sorted(set(edges)))
 
-    def weighted(z):
-        u = (z - mean) / deviation
-        return function(z) * np.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi) / deviation
 
-    return sum(
-        quad(weighted, low, high, epsabs=1e-15, epsrel=1e-13, limit=200)[0]
-        for low, high in zip(edges[:-1], edges[1:], strict=True)
-    )
+def scalar_integral(function, mean, variance, knots=()):
+    """Integral of function(z) N(z; mean, variance) dz, 4 times 40 nodes in every piece.
+
+    ``function`` takes arrays and is smooth between the knots.
+    """
+    deviation = np.sqrt(variance)
+    edges = pieces(mean, deviation, knots)
+    edges = np.append((edges[:-1, None] + np.diff(edges)[:, None] * np.arange(4) / 4), edges[-1])
+    x, w = np.polynomial.legendre.leggauss(40)
+    half = 0.5 * np.diff(edges)[:, None]
+    z = edges[:-1, None] + half * (1.0 + x)
+    density = np.exp(-0.5 * ((z - mean) / deviation) ** 2) / np.sqrt(2.0 * np.pi) / deviation
+    return float((half * w * density * function(z)).sum())
 
 
 def plane_integral(slices, mean, covariance, knots=()):
@@ -37,7 +42,15 @@ def plane_integral(slices, mean, covariance, knots=()):
         centre = mean[1] + slope * (x - mean[0])
         return sum(interval_probability((a - centre) / sy, (b - centre) / sy) for a, b in slices(x))
 
-    return scalar_integral(chord, mean[0], sx * sx, knots)
+    def weighted(x):
+        u = (x - mean[0]) / sx
+        return chord(x) * np.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi) / sx
+
+    edges = pieces(mean[0], sx, knots)
+    return sum(
+        quad(weighted, low, high, epsabs=1e-15, epsrel=1e-13, limit=200)[0]
+        for low, high in zip(edges[:-1], edges[1:], strict=True)
+    )
 
 
 def interval_probability(a, b):

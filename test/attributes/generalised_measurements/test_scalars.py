@@ -16,7 +16,7 @@ from gda_tracker.attributes.generalised_measurements import (
     triangle,
 )
 
-examples = settings(derandomize=True, deadline=None, max_examples=20)
+examples = settings(derandomize=True, deadline=None, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -43,7 +43,7 @@ def test_piecewise_linear_equals_numerical_integration(seed):
     for t in range(2):
         for m in range(3):
             wanted = scalar_integral(
-                lambda z, m=m: float(statements([[z]])[0, m]),
+                lambda z, m=m: statements(z[..., None])[..., m],
                 mean[t],
                 variance[t],
                 statements.knots[m],
