@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import itertools
 import math
 
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gda_tracker.association import generalised_measurements
 from gda_tracker.association.errors import AssociationInputError, NoFeasibleHypothesis
 from gda_tracker.association.generalised_measurements import (
     global_distance_squared,
@@ -333,3 +335,9 @@ def test_nothing_feasible_has_no_probability():
         log_hypothesis_probability(weights, [0])
     with pytest.raises(NoFeasibleHypothesis):
         most_probable_assignment(weights)
+
+
+def test_the_example_of_a_human_statement_is_true():
+    result = doctest.testmod(generalised_measurements)
+    assert result.attempted > 20
+    assert result.failed == 0

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+import doctest
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gda_tracker.attributes import classes as classes_module
 from gda_tracker.attributes.bayes import class_update
 from gda_tracker.attributes.classes import class_prediction
 
@@ -80,3 +83,9 @@ def test_bad_transitions_are_refused():
         class_prediction(belief, np.ones((2, 3)))
     with pytest.raises(ValueError, match="classes of transition"):
         class_prediction(np.full(3, 1 / 3), TRANSITION)
+
+
+def test_the_example_is_true():
+    result = doctest.testmod(classes_module)
+    assert result.attempted > 0
+    assert result.failed == 0

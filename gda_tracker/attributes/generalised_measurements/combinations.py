@@ -86,6 +86,9 @@ class Rule(CoveringFunction):
     The second term of (33) in Mahler (2011) is printed with g'; a violated crisp rule would then be
     half true. With g it gives 0, a satisfied one 1, one that does not apply 1/2.
 
+    A rule on a part of the state is the projection of a rule, not a rule of projections: its
+    numerical expectations then stay in one or two dimensions.
+
     Parameters
     ----------
     antecedent, consequent

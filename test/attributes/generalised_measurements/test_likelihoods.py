@@ -1,5 +1,9 @@
 from __future__ import annotations
 
+import doctest
+import importlib
+import pkgutil
+
 import numpy as np
 import pytest
 from covering_examples import random_covariance, scalar_integral
@@ -8,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.special import ndtr
 from scipy.stats import multivariate_normal
 
+from gda_tracker.attributes import generalised_measurements
 from gda_tracker.attributes.generalised_measurements import (
     Box,
     Everything,
@@ -173,9 +178,9 @@ def test_a_noisy_bearing_sector_by_quadrature():
         Sector([[0.0, 0.0]], [0.1], [0.3]), mean, covariance, POSITION
     )[0, 0]
     small = log_association_likelihood_by_quadrature(
-        sector, mean, covariance, bearing, POSITION, [[0.002**2]], tolerance=1e-8
+        sector, mean, covariance, bearing, POSITION, [[0.004**2]], tolerance=1e-6
     )[0, 0]
-    assert np.exp(small) == pytest.approx(np.exp(exact), abs=1e-4)
+    assert np.exp(small) == pytest.approx(np.exp(exact), abs=1e-3)
 
 
 def test_quadrature_of_a_linear_measurement_is_the_closed_form():
@@ -227,3 +232,14 @@ def test_bad_arguments_are_refused():
     with pytest.raises(ValueError, match="state_matrix has the shape"):
         log_association_likelihood_by_quadrature(fuzzy, *tracks, lambda y: y, [[1.0]])
     assert issubclass(QuadratureError, ArithmeticError)
+
+
+def test_the_examples_are_true():
+    attempted = 0
+    for module in pkgutil.iter_modules(
+        generalised_measurements.__path__, generalised_measurements.__name__ + "."
+    ):
+        result = doctest.testmod(importlib.import_module(module.name))
+        assert result.failed == 0
+        attempted += result.attempted
+    assert attempted > 10
