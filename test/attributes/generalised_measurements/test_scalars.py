@@ -84,6 +84,25 @@ def test_a_far_ramp_keeps_its_digits():
     assert log == pytest.approx(np.log(dense / np.sqrt(2 * np.pi)) - 450.0, abs=1e-7)
 
 
+@pytest.mark.parametrize("place", [0.0, 1.3, 20.0])
+@pytest.mark.parametrize("width", [1e-12, 1e-6, 1e-2])
+def test_short_pieces_keep_their_digits(place, width):
+    # The third derivative of the density at the middle is below place^3 of the density itself.
+    low, high = place, place + width
+    width = high - low
+    mean, variance = np.zeros((1, 1)), np.ones((1, 1, 1))
+    middle = 0.5 * (low + high)
+    curvature = 1.0 + (middle**2 - 1.0) * width**2 / 24.0
+    wanted = norm.logpdf(middle) + np.log(width * curvature)
+    found = interval([low], [high]).log_expectation(mean, variance)[0]
+    assert found == pytest.approx(wanted, abs=1e-11 + (1.0 + place) ** 4 * width**4)
+    # A triangle whose halves are that short weighs as much as a box of one of them.
+    tent = triangle([low - width], [low], [high]).log_expectation(mean, variance)[0]
+    wanted = norm.logpdf(low) + np.log(width * (1.0 + (low**2 - 1.0) * width**2 / 12.0))
+    tolerance = 1e-11 + (1.0 + place) ** 4 * width**4 + 1e-15 * (1.0 + place) / width
+    assert tent == pytest.approx(wanted, abs=tolerance)
+
+
 def test_one_knot_in_the_smallest_density_is_its_grade():
     statements = trapezoid([[0.0, 1.0, 2.0, 4.0]])
     places = np.array([-1.0, 0.5, 1.5, 3.0, 5.0])
