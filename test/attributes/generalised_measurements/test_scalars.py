@@ -87,7 +87,7 @@ def test_a_far_ramp_keeps_its_digits():
 @pytest.mark.parametrize("place", [0.0, 1.3, 20.0])
 @pytest.mark.parametrize("width", [1e-12, 1e-6, 1e-2])
 def test_short_pieces_keep_their_digits(place, width):
-    # The third derivative of the density at the middle is below place^3 of the density itself.
+    # The expansion of the density about the middle, to the next order in the width.
     low, high = place, place + width
     width = high - low
     mean, variance = np.zeros((1, 1)), np.ones((1, 1, 1))
