@@ -13,7 +13,7 @@ from scipy.special import erfc, owens_t
 
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 
-FAR = 3.0
+FAR = 1.0
 """Standard deviations outside a region from which on the tail is integrated."""
 
 
