@@ -1,6 +1,6 @@
 """Attribute fusion: what each gated pair of a hypothesis and a detection makes of the attribute.
 
-Four attribute terms (:mod:`gda_tracker.attributes.terms`), each batched over all pairs:
+The attribute terms (:mod:`gda_tracker.attributes.terms`), each batched over all pairs:
 
 ``none``
     No attribute: nothing is scored, beliefs stay as they are.
@@ -9,48 +9,37 @@ Four attribute terms (:mod:`gda_tracker.attributes.terms`), each batched over al
     candidate history is Euclidean over D^Theta (Tchamova et al. 2004, 14.3.2.1 and 14.4.2).
 ``dempster``
     Histories on Shafer's model, fused by Dempster's rule, the same distance; in total conflict the
-    history stays as it is. A history that carries masses of intersections is projected first.
+    history stays as it is.
+``dsm_hybrid``, ``yager``, ``dubois_prade``, ``pcr5``, ``pcr6``
+    Histories on Shafer's model, fused by the rule of that name, the same distance. For two sources
+    ``pcr6`` is ``pcr5``; on Shafer's model ``dsm_hybrid`` is ``dubois_prade``.
 ``bayes``
-    Class probabilities, updated by Bayes' rule (Mahler 2011, (94)); no masses, no distance.
+    Class probabilities, predicted and updated by Bayes' rule (Mahler 2011, (93) and (94)); no
+    masses, no distance.
 
-The log likelihood of a pair is log sum_c P(c | history) f(attribute | c) (Mahler 2011, (88)); under
-the terms with masses P(c | history) is the pignistic probability of the history on Shafer's model,
-to which it is projected for that purpose alone. A detection whose attribute is unknown leaves the
-history as it is and scores nothing.
+Under the terms on Shafer's model a history that carries masses of intersections, from another term,
+is projected first. The log likelihood of a pair is log sum_c P(c | history) f(attribute | c)
+(Mahler 2011, (88)); under the terms with masses P(c | history) is the pignistic probability of the
+history. A detection whose attribute is unknown leaves the history as it is and scores nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import partial
 
 import numpy as np
 
-from gda_tracker.attributes.bayes import class_update, forget, log_class_mixture
-from gda_tracker.attributes.decisions import pignistic_matrix
-from gda_tracker.attributes.frames import Model, free_model, shafer_model, total_ignorance
-from gda_tracker.attributes.rules import (
-    ConjunctionTable,
-    conjunction_table,
-    conjunctive,
-    dempster,
-    discount,
-)
+from gda_tracker.attributes.class_terms import class_prior, fuse_classes, transition_matrix
+from gda_tracker.attributes.frames import total_ignorance
+from gda_tracker.attributes.mass_terms import fuse_masses
+from gda_tracker.attributes.pair_beliefs import NO_FOCAL, PairBeliefs, Pairs, without_attribute
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS
-from gda_tracker.parameters import parameter
-from gda_tracker.vocabulary.arrays import (
-    BoolArray,
-    FloatArray,
-    Int32Array,
-    MaskArray,
-    empty_floats,
-)
+from gda_tracker.parameters import ParameterError, parameter, specifications
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, MaskArray, empty_floats
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Predictions
-
-_NO_FOCAL: MaskArray = np.zeros(0, dtype=np.uint32)
-_NO_FOCAL.flags.writeable = False
 
 
 @dataclass(frozen=True)
@@ -65,175 +54,35 @@ class AttributeFusionParameters:
         minimum=0.0,
         maximum=1.0,
     )
-
-
-@dataclass(slots=True)
-class PairBeliefs:
-    """Candidate beliefs of P pairs; the fields are those of ``AttributeScores``."""
-
-    focal: MaskArray
-    masses: FloatArray
-    class_probability: FloatArray
-    distance: FloatArray
-    log_likelihood: FloatArray
-    conflict: FloatArray
-    informative: BoolArray
-
-
-@dataclass(slots=True)
-class _Pairs:
-    """Histories of P pairs and the detections that they meet, as the terms take them."""
-
-    history_focal: MaskArray
-    history_masses: FloatArray
-    history_class_probability: FloatArray
-    evidence: Evidence
-    detection: Int32Array
-    forgetting_factor: float
-
-
-def _no_attribute(pairs: _Pairs) -> PairBeliefs:
-    n = len(pairs.detection)
-    return PairBeliefs(
-        focal=_NO_FOCAL,
-        masses=empty_floats(n, 0),
-        class_probability=pairs.history_class_probability,
-        distance=np.zeros(n),
-        log_likelihood=np.zeros(n),
-        conflict=np.zeros(n),
-        informative=np.zeros(n, dtype=np.bool_),
+    class_transition: list[float] = parameter(
+        [],
+        "bayes: probabilities that a target changes its class from one detection with a known "
+        "attribute to the next, row by row: to class 1 from class 1, 2, ..., to class 2 from class "
+        "1, 2, ...; the numbers from one class have the sum 1; empty: classes never change",
+        minimum=0.0,
+        maximum=1.0,
+        advanced=True,
     )
 
-
-def _dsm_classic(pairs: _Pairs) -> PairBeliefs:
-    return _fuse_masses(pairs, *_tables(pairs, free_model), conjunctive)
-
-
-def _dempster(pairs: _Pairs) -> PairBeliefs:
-    return _fuse_masses(pairs, *_tables(pairs, shafer_model), _dempster_or_history)
-
-
-def _dempster_or_history(
-    table: ConjunctionTable, history: FloatArray, measurement: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    return dempster(table, history, measurement, keep_history=True)
-
-
-def _tables(
-    pairs: _Pairs, make_model: Callable[[Sequence[str]], Model]
-) -> tuple[ConjunctionTable, FloatArray]:
-    """Table of the columns on a model, and the matrix from its columns to class probabilities."""
-    evidence = pairs.evidence
-    return _cached_tables(
-        make_model, evidence.frame, pairs.history_focal.tobytes(), evidence.focal.tobytes()
-    )
+    def __post_init__(self) -> None:
+        """Refuse values out of range and transitions that are no probabilities."""
+        for name, specification in specifications(type(self)).items():
+            specification.check(getattr(self, name))
+        try:
+            transition_matrix(self.class_transition)
+        except ValueError as error:
+            raise ParameterError(
+                f"parameter class_transition = {self.class_transition}: {error}; allowed are an "
+                "empty list and the rows of a square matrix, one row per class, each column with "
+                "the sum 1"
+            ) from None
 
 
-@lru_cache(maxsize=128)
-def _cached_tables(
-    make_model: Callable[[Sequence[str]], Model],
-    frame: tuple[str, ...],
-    history_focal: bytes,
-    measurement_focal: bytes,
-) -> tuple[ConjunctionTable, FloatArray]:
-    table = conjunction_table(
-        make_model(frame),
-        np.frombuffer(history_focal, dtype=np.uint32),
-        np.frombuffer(measurement_focal, dtype=np.uint32),
-    )
-    return table, pignistic_matrix(shafer_model(frame), table.focal)
-
-
-def _fuse_masses(
-    pairs: _Pairs,
-    table: ConjunctionTable,
-    to_classes: FloatArray,
-    rule: Callable[[ConjunctionTable, FloatArray, FloatArray], tuple[FloatArray, FloatArray]],
-) -> PairBeliefs:
-    """Fuse masses by a rule; the part that all terms with masses share."""
-    evidence, detection = pairs.evidence, pairs.detection
-    untouched = history = table.embed(pairs.history_masses)
-    if pairs.forgetting_factor < 1.0:
-        history = discount(table, history, pairs.forgetting_factor)
-    masses, conflict = rule(table, history, evidence.masses[detection])
-    informative = evidence.informative[detection]
-    known = bool(informative.all())
-    if not known:
-        # By the rules alone a vacuous measurement is neutral; the discount and rounding are not.
-        history = np.where(informative[:, None], history, untouched)
-        masses = np.where(informative[:, None], masses, history)
-        conflict = np.where(informative, conflict, 0.0)
-    difference = masses - history
-    log_likelihood = log_class_mixture(
-        history @ to_classes, evidence.log_class_likelihood[detection]
-    )
-    if not known:
-        log_likelihood = np.where(informative, log_likelihood, 0.0)
-    return PairBeliefs(
-        focal=table.focal,
-        masses=np.ascontiguousarray(masses),
-        class_probability=masses @ to_classes,
-        distance=np.sqrt(np.add.reduce(difference * difference, axis=1)),
-        log_likelihood=log_likelihood,
-        conflict=np.ascontiguousarray(conflict),
-        informative=informative,
-    )
-
-
-def _bayes(pairs: _Pairs) -> PairBeliefs:
-    evidence, detection = pairs.evidence, pairs.detection
-    untouched = history = pairs.history_class_probability
-    if pairs.forgetting_factor < 1.0:
-        history = forget(history, pairs.forgetting_factor)
-    posterior, log_likelihood = class_update(history, evidence.log_class_likelihood[detection])
-    # Class probabilities are masses on the elements: agreement is the plausibility of the class.
-    plausible = evidence.masses @ _compatibility(len(evidence.frame), evidence.focal.tobytes())
-    conflict = np.maximum(1.0 - np.add.reduce(history * plausible[detection], axis=1), 0.0)
-    informative = evidence.informative[detection]
-    if not informative.all():
-        posterior = np.where(informative[:, None], posterior, untouched)
-        log_likelihood = np.where(informative, log_likelihood, 0.0)
-        conflict = np.where(informative, conflict, 0.0)
-    n = len(detection)
-    return PairBeliefs(
-        focal=_NO_FOCAL,
-        masses=empty_floats(n, 0),
-        class_probability=posterior,
-        distance=np.zeros(n),
-        log_likelihood=log_likelihood,
-        conflict=conflict,
-        informative=informative,
-    )
-
-
-@lru_cache(maxsize=16)
-def _compatibility(size: int, focal: bytes) -> FloatArray:
-    """(F, k) one where a focal element and an element of the frame meet on Shafer's model."""
-    masks = np.frombuffer(focal, dtype=np.uint32)
-    alone = np.array([1 << ((1 << element) - 1) for element in range(size)], dtype=np.uint32)
-    return ((masks[:, None] & alone[None, :]) != 0).astype(np.float64)
-
-
-_TERMS: dict[str, Callable[[_Pairs], PairBeliefs]] = {
-    "none": _no_attribute,
-    "dsm_classic": _dsm_classic,
-    "dempster": _dempster,
-    "bayes": _bayes,
+_TERMS: dict[str, Callable[[Pairs], PairBeliefs]] = {
+    "none": without_attribute,
+    **{term: partial(fuse_masses, term) for term in DISTANCE_TERMS},
+    "bayes": fuse_classes,
 }
-
-
-def class_prior(evidence: Evidence) -> FloatArray:
-    """Class prior (C,) behind the evidence of a scan with at least one detection.
-
-    A detection's class probabilities are proportional to prior times likelihood; the likelihood is
-    taken out again at the detection that says least, where nothing is lost to rounding.
-    """
-    likelihood = evidence.log_class_likelihood
-    row = int(np.argmin(np.ptp(likelihood, axis=1)))
-    with np.errstate(divide="ignore"):
-        log_prior = np.log(evidence.class_probability[row]) - likelihood[row]
-    prior = np.exp(log_prior - log_prior.max())
-    return np.asarray(prior / prior.sum())
 
 
 def fuse_pairs(
@@ -245,6 +94,7 @@ def fuse_pairs(
     evidence: Evidence,
     detection: Int32Array,
     forgetting_factor: float = 1.0,
+    class_transition: FloatArray | None = None,
 ) -> PairBeliefs:
     """Fuse the histories of P pairs with the evidence of their detections.
 
@@ -267,18 +117,21 @@ def fuse_pairs(
         (P,) row of each pair's detection in the evidence.
     forgetting_factor
         Share of the history kept, see :class:`AttributeFusionParameters`.
+    class_transition
+        (C, C) p(c | c') in row c and column c', for the term ``bayes``; ``None``: no change.
 
     Returns
     -------
     PairBeliefs
-        Candidate histories. ``dempster`` too writes its columns as elements of the free model (the
+        Candidate histories. All terms write their columns as elements of the free model (the
         element A of Shafer's model as A with its intersections), so that one mask is one element
         under every term and a change of term needs no translation.
 
     Raises
     ------
     ValueError
-        For an unknown term or a mask that is not an element of the hyper-power set.
+        For an unknown term, a mask that is not an element of the hyper-power set, or a class
+        transition (under ``bayes``) of another number of classes than the evidence's.
     """
     if term not in _TERMS:
         raise ValueError(
@@ -293,13 +146,14 @@ def fuse_pairs(
         prior = class_prior(evidence) if n else empty_floats(n_classes)
         history_class_probability = np.tile(prior, (n, 1))
     return _TERMS[term](
-        _Pairs(
+        Pairs(
             history_focal,
             history_masses,
             history_class_probability,
             evidence,
             detection,
             forgetting_factor,
+            class_transition,
         )
     )
 
@@ -311,10 +165,16 @@ class AttributeFusion:
     ----------
     parameters
         The stage's parameters.
+
+    Attributes
+    ----------
+    class_transition
+        (C, C) matrix of the parameter of that name, ``None`` if it is empty.
     """
 
     def __init__(self, parameters: AttributeFusionParameters) -> None:
         self.parameters = parameters
+        self.class_transition = transition_matrix(parameters.class_transition)
 
     def __call__(
         self,
@@ -328,7 +188,7 @@ class AttributeFusion:
         Raises
         ------
         ValueError
-            If the keys of predictions and evidence differ, or for an unknown term.
+            If the keys of predictions and evidence differ, or as in :func:`fuse_pairs`.
         """
         if predictions.key != evidence.key:
             raise ValueError(f"evidence of {evidence.key} for predictions of {predictions.key}")
@@ -343,12 +203,13 @@ class AttributeFusion:
         pairs = fuse_pairs(
             term,
             evidence.frame,
-            predictions.focal if believed else _NO_FOCAL,
+            predictions.focal if believed else NO_FOCAL,
             predictions.masses[hypothesis] if believed else none,
             predictions.class_probability[hypothesis] if known else none,
             evidence,
             detection,
             self.parameters.forgetting_factor,
+            self.class_transition,
         )
         if term == "none":
             clutter = np.zeros(len(evidence.masses))

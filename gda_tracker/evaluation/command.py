@@ -29,9 +29,10 @@ A method is decision/attribute/filter:
   decision   gda  the 2004 chapter: 1 - P_k P_a and Munkres
              map  the most probable joint hypothesis
   attribute  none         kinematics alone
-             dsm_classic  classic DSm rule on the radar cross section (RCS)
-             dempster     Dempster's rule on the RCS
+             dsm_classic, dsm_hybrid, dempster, yager, dubois_prade, pcr5, pcr6
+                          masses on the radar cross section (RCS), by that rule
              bayes        class likelihoods of the RCS
+             (docs/attribute-terms.md has all of them measured)
   filter     cv   constant velocity
 or clairvoyant: the own detection whenever it is there and in the gate, the bound
 for all of them.

@@ -73,6 +73,7 @@ def labelled_tracks(
                 evidence,
                 rows,
                 ring.fusion.parameters.forgetting_factor,
+                ring.fusion.class_transition,
             )
             classes, conflict = fused.class_probability, fused.conflict
             if fused.masses.shape[1]:

@@ -61,14 +61,23 @@ def stage_parameters(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, A
     Raises
     ------
     ParameterError
-        For an unknown node or parameter, or a value that is not allowed.
+        For an unknown node or parameter, a value that is not allowed, or a class transition of
+        another number of classes than the fuzzifier's.
     """
     for node in parameters:
         if node not in STAGE_TABLES:
             raise ParameterError(f"node {node}: unknown; allowed are {', '.join(STAGE_TABLES)}")
-    return {
+    tables: dict[str, Any] = {
         node: from_mapping(table, parameters.get(node, {})) for node, table in STAGE_TABLES.items()
     }
+    transition = tables["attribute_fusion"].class_transition
+    classes = tables["rcs_fuzzifier"].class_names
+    if len(transition) not in (0, len(classes) ** 2):
+        raise ParameterError(
+            f"parameter class_transition = {transition}: allowed are {len(classes) ** 2} numbers "
+            f"for the {len(classes)} class_names {', '.join(classes)}, or none"
+        )
+    return tables
 
 
 class Ring:

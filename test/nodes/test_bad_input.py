@@ -331,6 +331,25 @@ def test_attribute_values_out_of_range_are_counted_in_diagnostics(domain, crossi
         bench.until(lambda: bench.client.value("rcs_fuzzifier", "length_m_out_of_range") == "1")
 
 
+def test_a_list_that_is_empty_by_default_is_filled_and_emptied_again(domain, crossing):
+    play, parameters, _ = crossing
+    parameters["track_manager"]["attribute_term"] = "bayes"
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        fusion = next(n for n in bench.nodes.nodes if n.get_name() == "attribute_fusion")
+        assert fusion.parameters.class_transition == []
+        stays = [0.8, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8]
+        for values in (stays, []):
+            (answer,) = fusion.set_parameters([Parameter("class_transition", value=values)])
+            assert answer.successful, answer.reason
+            assert fusion.parameters.class_transition == values
+            assert bench.send(play.detections[0 if values else 1]).outcome == "tracked"
+        (answer,) = fusion.set_parameters([Parameter("class_transition", value=[0.5, 0.5])])
+        assert not answer.successful
+        assert "class_transition = [0.5, 0.5]: 2 numbers" in answer.reason
+        assert fusion.parameters.class_transition == []
+
+
 WRONG = {
     "gate_probability:=2.0": ("gate_probability = 2.0", "<= 0.999999"),
     "gate_probabilty:=0.9": ("gate_probabilty", "gate_probability"),

@@ -20,7 +20,7 @@ from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses
 from gda_tracker.nodes.scan_source import ScanSourceNode
 from gda_tracker.simulation.playback import Playback
 
-METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "gda/dempster/cv", "map/bayes/cv")
+METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "gda/dempster/cv", "gda/pcr5/cv", "map/bayes/cv")
 
 
 @pytest.mark.parametrize("method", METHODS)

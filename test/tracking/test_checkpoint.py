@@ -39,7 +39,7 @@ def restored(path, **parameters):
     return ring
 
 
-@pytest.mark.parametrize("term", ["none", "dsm_classic", "dempster", "bayes"])
+@pytest.mark.parametrize("term", ["none", "dsm_classic", "dempster", "pcr5", "bayes"])
 def test_restarted_at_every_scan_it_goes_on_bit_for_bit(tmp_path, term):
     """One manager runs through; the other is saved, thrown away and loaded after each scan."""
     path = tmp_path / "state"

@@ -9,6 +9,7 @@ from tracking_examples import SECOND, ring_of, scan_at
 
 from gda_tracker.attributes.fusion import AttributeFusion, AttributeFusionParameters
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
+from gda_tracker.attributes.terms import ATTRIBUTE_TERMS
 from gda_tracker.kinematics.sensor_models import cartesian_positions, polar_measurements
 from gda_tracker.tracking.door import validate
 from gda_tracker.tracking.initiation import two_point_states
@@ -73,7 +74,7 @@ def test_states_are_two_point_states_of_the_last_two_scans():
 
 
 @pytest.mark.parametrize("forgetting", [1.0, 0.7])
-@pytest.mark.parametrize("term", ["dsm_classic", "dempster", "bayes"])
+@pytest.mark.parametrize("term", [term for term in ATTRIBUTE_TERMS if term != "none"])
 def test_beliefs_are_those_of_the_stages_in_a_row(term, forgetting):
     """The same detections through fuzzifier and fusion stage, one scan after the other."""
     recording = recording_of()
@@ -120,7 +121,7 @@ def test_beliefs_are_those_of_the_stages_in_a_row(term, forgetting):
     assert tracks.class_probability[0, cargo] > tracks.class_probability[1, cargo]
 
 
-@pytest.mark.parametrize("term", ["none", "dsm_classic", "dempster", "bayes"])
+@pytest.mark.parametrize("term", ATTRIBUTE_TERMS)
 def test_the_tracks_are_what_a_manager_takes(term):
     recording = recording_of()
     ring = ring_of(initiation="labelled", attribute_term=term)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from tracking_examples import QUIET, answers, assert_same, moving, ring_of, scan_at, simulated
 
+from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS
 from gda_tracker.kinematics.gating import gate
 from gda_tracker.parameters import ParameterError
 from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary import CONFIRMED, TENTATIVE
-
-TERMS = ["none", "dsm_classic", "dempster", "bayes"]
 
 
 def seen(ring, stamp_s, *targets):
@@ -83,7 +82,7 @@ def test_a_start_after_a_miss_remembers_the_miss(hits, scans, pattern, story):
     assert starts == [(2, 1)]
 
 
-@pytest.mark.parametrize("term", TERMS)
+@pytest.mark.parametrize("term", ATTRIBUTE_TERMS)
 def test_every_term_tracks_the_same_clear_scene(term):
     ring = ring_of(attribute_term=term)
     for k in range(10):
@@ -92,7 +91,7 @@ def test_every_term_tracks_the_same_clear_scene(term):
     assert tracks.track_id.tolist() == [1, 2]
     if term != "none":
         np.testing.assert_allclose(tracks.class_probability.sum(axis=1), 1.0)
-    if term in ("dsm_classic", "dempster"):
+    if term in DISTANCE_TERMS:
         np.testing.assert_allclose(tracks.masses.sum(axis=1), 1.0)
 
 
@@ -332,7 +331,7 @@ def test_a_rejected_scan_has_a_report_and_nothing_else():
     assert_same(ring.manager.state, before)
 
 
-@pytest.mark.parametrize("term", TERMS)
+@pytest.mark.parametrize("term", ATTRIBUTE_TERMS)
 def test_two_rings_on_the_same_scans_agree_bit_for_bit(term):
     rings = [ring_of(attribute_term=term), ring_of(attribute_term=term)]
     for scan in simulated(15):
