@@ -16,12 +16,16 @@ REFERENCE = {
         "gda/none/cv": 0.726,
         "gda/dsm_classic/cv": 0.854,
         "gda/dempster/cv": 0.740,
+        "gda/dsm_hybrid/cv": 0.790,
+        "gda/pcr5/cv": 0.811,
         "map/bayes/cv": 0.871,
     },
     "closely_spaced_targets": {
         "gda/none/cv": 0.551,
         "gda/dsm_classic/cv": 0.615,
         "gda/dempster/cv": 0.549,
+        "gda/dsm_hybrid/cv": 0.601,
+        "gda/pcr5/cv": 0.580,
         "map/bayes/cv": 0.743,
     },
 }
