@@ -83,6 +83,7 @@ test-oldest: ## test the core with the oldest numpy and scipy, without ROS
 benchmark: setup ## measure latency, speed and tracking, also against Stone Soup (about 15 minutes)
 	@$(call locked,environment-benchmark)
 	$(BIN)/python -m benchmarks.ring_latency
+	$(BIN)/python -m benchmarks.evidence
 	$(BIN)/python -m benchmarks.autoferry_vs_stonesoup
 	$(BIN)/python -m benchmarks.offline_vs_stonesoup
 

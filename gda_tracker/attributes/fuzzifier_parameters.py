@@ -115,7 +115,7 @@ class RcsFuzzifierParameters:
         advanced=True,
     )
     attribute_rule: str = parameter(
-        "dsm_classic",
+        "dempster",
         "how the masses of several attributes of one detection are combined: dsm_classic on the "
         "free model, or dempster (total conflict: ignorance)",
         choices=ATTRIBUTE_RULES,

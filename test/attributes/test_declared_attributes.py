@@ -72,7 +72,7 @@ def test_log_likelihoods_of_the_attributes_add():
 
 def test_masses_of_two_attributes_by_hand():
     """RCS and length of one detection: each product where the classic rule puts it."""
-    stage = fuzzifier(**DECLARED)
+    stage = fuzzifier(**DECLARED, attribute_rule="dsm_classic")
     rcs_m2, length_m = 1.0, 12.0
     evidence = stage(with_length([rcs_m2], [length_m]))
     grades = stage.membership(np.array([rcs_m2]))[0]
