@@ -4,10 +4,12 @@
     gda-tracker evaluate crossing_targets closely_spaced_targets --method ... --json terms.json
     python scripts/measure_attribute_terms.py table terms.json
     python scripts/measure_attribute_terms.py forgetting [--runs 200] [--seed 1]
+    python scripts/measure_attribute_terms.py swaps [--runs 20000] [--seed 1]
 
 ``table`` writes the results of an evaluation as Markdown. ``forgetting`` tracks the same simulated
 runs with several forgetting factors, writes a table, and draws what becomes of a history of
-``dsm_classic``.
+``dsm_classic``. ``swaps`` asks the terms alone, without kinematics, which of two detections belongs
+to a fighter and which to a cargo.
 """
 
 from __future__ import annotations
@@ -26,9 +28,14 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from gda_tracker.attributes.frames import union_of_atoms  # noqa: E402
+from gda_tracker.attributes.fusion import fuse_pairs  # noqa: E402
+from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters  # noqa: E402
+from gda_tracker.attributes.rcs import sample  # noqa: E402
+from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS  # noqa: E402
 from gda_tracker.evaluation.figures.canvas import canvas, colour, legend_below, png  # noqa: E402
 from gda_tracker.evaluation.purity import confusion_counts, purity  # noqa: E402
 from gda_tracker.evaluation.results import mean_and_stderr  # noqa: E402
+from gda_tracker.parameters import from_mapping  # noqa: E402
 from gda_tracker.simulation.playback import Playback, with_method  # noqa: E402
 from gda_tracker.simulation.preset import tracker_preset  # noqa: E402
 from gda_tracker.simulation.scenarios import Scenario, load_scenario  # noqa: E402
@@ -36,10 +43,13 @@ from gda_tracker.simulation.simulate import simulate  # noqa: E402
 from gda_tracker.tracking.labelled import labelled_tracks  # noqa: E402
 from gda_tracker.tracking.manager import TrackManager  # noqa: E402
 from gda_tracker.tracking.ring import Ring  # noqa: E402
+from gda_tracker.vocabulary.scans import Scan, ScanKey  # noqa: E402
 
 SCENARIOS = ("crossing_targets", "closely_spaced_targets")
 METHODS = ("gda/dsm_classic/cv", "map/dsm_classic/cv", "map/bayes/cv")
 FACTORS = (1.0, 0.9, 0.7, 0.5)
+SPEAKERS = ("distance", "likelihood", "log ratio")
+SWAP_SCANS, SWAP_SHOWN = 24, (2, 5, 25)
 DPI = 110
 
 
@@ -170,6 +180,87 @@ def picture(outcomes: dict[tuple[str, str], list[Outcome]]) -> Any:
     return figure
 
 
+# --- swaps --------------------------------------------------------------------------------------
+
+
+def right_swaps(term: str, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Share of runs (K,) in which a term tells a fighter and a cargo apart on the K-th scan.
+
+    Two tracks have taken their own detections so far; now there are one of each. The distance is
+    right if that product of distances is smaller in which each takes its own, the likelihood if
+    that product is larger; equal products are right in half of the runs. Returns both shares and
+    the mean size of the log likelihood ratio, which is what counts against the kinematics.
+    """
+    tracker = tracker_preset(load_scenario(SCENARIOS[0]))
+    table = from_mapping(RcsFuzzifierParameters, tracker["rcs_fuzzifier"])
+    fuzzify = RcsFuzzifier(table)
+    classes = [table.class_names.index(name) for name in ("fighter", "cargo")]
+    mean = np.array(table.class_rcs_mean_m2)[classes, None]
+    swerling = np.array(table.class_rcs_swerling)[classes, None]
+    random = np.random.default_rng(seed)
+    # Rows: the fighters of all runs, then their cargos.
+    own = np.arange(2 * runs, dtype=np.int32)
+    other = np.roll(own, runs)
+    evidence = fuzzify(scan_of(sample(random, mean, swerling, (2, runs)).ravel()))
+    focal, masses, classes_now = evidence.focal, evidence.masses, evidence.class_probability
+    shares = []
+    for _ in range(SWAP_SCANS):
+        evidence = fuzzify(scan_of(sample(random, mean, swerling, (2, runs)).ravel()))
+        history = (term, evidence.frame, focal, masses, classes_now, evidence)
+        kept, swapped = fuse_pairs(*history, own), fuse_pairs(*history, other)
+        ratio = (kept.log_likelihood - swapped.log_likelihood).reshape(2, runs).sum(axis=0)
+        shares.append(
+            (
+                smaller(kept.distance, swapped.distance, np.multiply),
+                smaller(-kept.log_likelihood, -swapped.log_likelihood, np.add),
+                float(np.abs(ratio).mean()),
+            )
+        )
+        classes_now = kept.class_probability
+        if kept.masses.shape[1]:
+            focal, masses = kept.focal, kept.masses
+    distance, likelihood, log_ratio = np.array(shares).T
+    return distance, likelihood, log_ratio
+
+
+def smaller(kept: np.ndarray, swapped: np.ndarray, join: np.ufunc) -> float:
+    """Share of runs in which the joint figure of both tracks is smaller if they keep their own."""
+    one, two = (join(*values.reshape(2, -1)) for values in (kept, swapped))
+    return float(np.mean((one < two) + 0.5 * (one == two)))
+
+
+def scan_of(rcs_m2: np.ndarray) -> Scan:
+    """Detections of which only the RCS matters."""
+    n = len(rcs_m2)
+    return Scan(
+        key=ScanKey(0, "radar", 0),
+        frame_id="map",
+        sensor_position_m=np.zeros(3),
+        sensor_orientation_xyzw=np.array([0.0, 0.0, 0.0, 1.0]),
+        source_index=np.arange(n, dtype=np.int32),
+        range_m=np.ones(n),
+        azimuth_rad=np.zeros(n),
+        noise_covariance=np.tile(np.eye(2), (n, 1, 1)),
+        rcs_m2=rcs_m2,
+        rcs_valid=np.ones(n, dtype=np.bool_),
+    )
+
+
+def swaps_table(runs: int, seed: int) -> str:
+    """Markdown: shares of right swaps and the size of log ratios on the 2nd, 5th ... scan."""
+    head = ["term", *[f"{by}, scan {scan}" for by in SPEAKERS for scan in SWAP_SHOWN]]
+    rows = []
+    for term in ATTRIBUTE_TERMS[1:]:
+        distance, *others = right_swaps(term, runs, seed)
+        shown = [scan - 2 for scan in SWAP_SHOWN]
+        by_distance = [f"{share:.3f}" for share in distance[shown]]
+        if term not in DISTANCE_TERMS:
+            by_distance = ["-"] * len(shown)
+        by_likelihood = [f"{value:.3f}" for values in others for value in values[shown]]
+        rows.append([f"`{term}`", *by_distance, *by_likelihood])
+    return markdown(head, rows)
+
+
 # --- tables -------------------------------------------------------------------------------------
 
 
@@ -217,10 +308,16 @@ def main(arguments: list[str] | None = None) -> int:
     forgetting.add_argument("--runs", type=int, default=200)
     forgetting.add_argument("--seed", type=int, default=1)
     forgetting.add_argument("--output", type=Path, default=ROOT / "docs/images/forgetting.png")
+    swaps = commands.add_parser("swaps", help="what the terms tell apart without kinematics")
+    swaps.add_argument("--runs", type=int, default=20_000)
+    swaps.add_argument("--seed", type=int, default=1)
     args = parser.parse_args(arguments)
     if args.command == "table":
         content = json.loads(args.json.read_text())
         print(terms_table(content if isinstance(content, list) else [content]))
+        return 0
+    if args.command == "swaps":
+        print(swaps_table(args.runs, args.seed))
         return 0
     outcomes = {
         (name, method): measure(load_scenario(name), method, args.runs, args.seed)
