@@ -49,8 +49,9 @@ class AttributeFusionParameters:
     forgetting_factor: float = parameter(
         1.0,
         "share of the history kept at each detection with a known attribute, the rest becomes "
-        "ignorance (bayes: is spread over the possible classes); 1 forgets nothing, but a history "
-        "of dsm_classic then drifts into the total intersection and its distances shrink",
+        "ignorance (bayes: is spread over the possible classes); 1 forgets nothing, a history of "
+        "dsm_classic then drifts into the total intersection; what less does to purity is measured "
+        "in docs/attribute-terms.md",
         minimum=0.0,
         maximum=1.0,
     )
