@@ -48,8 +48,7 @@ from gda_tracker.vocabulary.scans import Scan, ScanKey  # noqa: E402
 SCENARIOS = ("crossing_targets", "closely_spaced_targets")
 METHODS = ("gda/dsm_classic/cv", "map/dsm_classic/cv", "map/bayes/cv")
 FACTORS = (1.0, 0.9, 0.7, 0.5)
-SPEAKERS = ("distance", "likelihood", "log ratio")
-SWAP_SCANS, SWAP_SHOWN = 24, (2, 5, 25)
+SWAP_SCANS, SWAP_SHOWN = 24, (5, 25)
 DPI = 110
 
 
@@ -183,14 +182,24 @@ def picture(outcomes: dict[tuple[str, str], list[Outcome]]) -> Any:
 # --- swaps --------------------------------------------------------------------------------------
 
 
-def right_swaps(term: str, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Share of runs (K,) in which a term tells a fighter and a cargo apart on the K-th scan.
+@dataclass
+class Swaps:
+    """How a term tells a fighter and a cargo apart, (K,) per scan.
 
     Two tracks have taken their own detections so far; now there are one of each. The distance is
     right if that product of distances is smaller in which each takes its own, the likelihood if
-    that product is larger; equal products are right in half of the runs. Returns both shares and
-    the mean size of the log likelihood ratio, which is what counts against the kinematics.
+    that product is larger; equal products are right in half of the runs. The log ratios are the
+    medians of the size of the log of one product over the other.
     """
+
+    distance: np.ndarray
+    likelihood: np.ndarray
+    distance_log_ratio: np.ndarray
+    likelihood_log_ratio: np.ndarray
+
+
+def measure_swaps(term: str, runs: int, seed: int) -> Swaps:
+    """Track fighters and cargos without error for ``SWAP_SCANS`` scans, as many of each as runs."""
     tracker = tracker_preset(load_scenario(SCENARIOS[0]))
     table = from_mapping(RcsFuzzifierParameters, tracker["rcs_fuzzifier"])
     fuzzify = RcsFuzzifier(table)
@@ -203,30 +212,30 @@ def right_swaps(term: str, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray
     other = np.roll(own, runs)
     evidence = fuzzify(scan_of(sample(random, mean, swerling, (2, runs)).ravel()))
     focal, masses, classes_now = evidence.focal, evidence.masses, evidence.class_probability
-    shares = []
+    found = []
     for _ in range(SWAP_SCANS):
         evidence = fuzzify(scan_of(sample(random, mean, swerling, (2, runs)).ravel()))
         history = (term, evidence.frame, focal, masses, classes_now, evidence)
         kept, swapped = fuse_pairs(*history, own), fuse_pairs(*history, other)
-        ratio = (kept.log_likelihood - swapped.log_likelihood).reshape(2, runs).sum(axis=0)
-        shares.append(
-            (
-                smaller(kept.distance, swapped.distance, np.multiply),
-                smaller(-kept.log_likelihood, -swapped.log_likelihood, np.add),
-                float(np.abs(ratio).mean()),
-            )
-        )
+        with np.errstate(divide="ignore"):
+            distance = compare(np.log(kept.distance), np.log(swapped.distance))
+        likelihood = compare(-kept.log_likelihood, -swapped.log_likelihood)
+        found.append((distance[0], likelihood[0], distance[1], likelihood[1]))
         classes_now = kept.class_probability
         if kept.masses.shape[1]:
             focal, masses = kept.focal, kept.masses
-    distance, likelihood, log_ratio = np.array(shares).T
-    return distance, likelihood, log_ratio
+    return Swaps(*np.array(found).T)
 
 
-def smaller(kept: np.ndarray, swapped: np.ndarray, join: np.ufunc) -> float:
-    """Share of runs in which the joint figure of both tracks is smaller if they keep their own."""
-    one, two = (join(*values.reshape(2, -1)) for values in (kept, swapped))
-    return float(np.mean((one < two) + 0.5 * (one == two)))
+def compare(kept: np.ndarray, swapped: np.ndarray) -> tuple[float, float]:
+    """Share of runs in which the sum over both tracks is smaller if they keep their own.
+
+    Also the median size of the difference of the sums; -inf - (-inf) is no difference.
+    """
+    one, two = (values.reshape(2, -1).sum(axis=0) for values in (kept, swapped))
+    equal = one == two
+    difference = np.abs(np.subtract(one, two, out=np.zeros_like(one), where=~equal))
+    return float(np.mean((one < two) + 0.5 * equal)), float(np.median(difference))
 
 
 def scan_of(rcs_m2: np.ndarray) -> Scan:
@@ -247,17 +256,19 @@ def scan_of(rcs_m2: np.ndarray) -> Scan:
 
 
 def swaps_table(runs: int, seed: int) -> str:
-    """Markdown: shares of right swaps and the size of log ratios on the 2nd, 5th ... scan."""
-    head = ["term", *[f"{by}, scan {scan}" for by in SPEAKERS for scan in SWAP_SHOWN]]
+    """Markdown: shares of right swaps, and log ratios, on an early and a late scan."""
+    names = ("distance", "likelihood", "distance_log_ratio", "likelihood_log_ratio")
+    head = ["term"]
+    head += [f"{name.replace('_', ' ')}, scan {scan}" for name in names for scan in SWAP_SHOWN]
     rows = []
     for term in ATTRIBUTE_TERMS[1:]:
-        distance, *others = right_swaps(term, runs, seed)
-        shown = [scan - 2 for scan in SWAP_SHOWN]
-        by_distance = [f"{share:.3f}" for share in distance[shown]]
-        if term not in DISTANCE_TERMS:
-            by_distance = ["-"] * len(shown)
-        by_likelihood = [f"{value:.3f}" for values in others for value in values[shown]]
-        rows.append([f"`{term}`", *by_distance, *by_likelihood])
+        swaps = measure_swaps(term, runs, seed)
+        cells = [f"`{term}`"]
+        for name in names:
+            silent = name.startswith("distance") and term not in DISTANCE_TERMS
+            values = getattr(swaps, name)[[scan - 2 for scan in SWAP_SHOWN]]
+            cells += ["-" if silent else f"{value:.2f}" for value in values]
+        rows.append(cells)
     return markdown(head, rows)
 
 

@@ -62,16 +62,17 @@ def test_an_evaluation_becomes_a_table(report, tmp_path, capsys):
 
 
 def test_the_distance_of_dempster_falls_silent_and_its_likelihood_does_not(report):
-    distance, likelihood, _ = report.right_swaps("dempster", 1500, 1)
-    assert distance[-1] == pytest.approx(0.5, abs=0.05)
-    assert likelihood[-1] > 0.8
-    distance, likelihood, _ = report.right_swaps("bayes", 1500, 1)
-    np.testing.assert_array_equal(distance, 0.5)  # it has none: all are equal
-    assert likelihood[-1] > 0.8
+    swaps = report.measure_swaps("dempster", 1500, 1)
+    assert swaps.distance[-1] == pytest.approx(0.5, abs=0.05)
+    assert swaps.likelihood[-1] > 0.8
+    swaps = report.measure_swaps("bayes", 1500, 1)
+    np.testing.assert_array_equal(swaps.distance, 0.5)  # it has none: all are equal
+    np.testing.assert_array_equal(swaps.distance_log_ratio, 0.0)
+    assert swaps.likelihood[-1] > 0.8
 
 
-def test_the_likelihood_of_the_classic_rule_grows_quiet(report):
-    """It stays right, but says ever less."""
-    _, share, log_ratio = report.right_swaps("dsm_classic", 1500, 1)
-    assert share[-1] > 0.8
-    assert log_ratio[-1] < 0.2 * log_ratio[3]
+def test_the_classic_rule_grows_louder_by_distance_and_quieter_by_likelihood(report):
+    swaps = report.measure_swaps("dsm_classic", 1500, 1)
+    assert swaps.likelihood[-1] > 0.8
+    assert swaps.likelihood_log_ratio[-1] < 0.2 * swaps.likelihood_log_ratio[3]
+    assert swaps.distance_log_ratio[-1] > 2.0 * swaps.distance_log_ratio[3]
