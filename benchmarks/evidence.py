@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measuring import RESULTS, table, write_results
-from gda_tracker.attributes import rule_tables
-from gda_tracker.attributes.batches import combine_grid, rule_table
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence import rule_tables
+from gda_tracker.evidence.batches import combine_grid, rule_table
+from gda_tracker.evidence.frames import (
     Model,
     element_name,
     free_element,

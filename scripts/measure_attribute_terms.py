@@ -27,7 +27,6 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from gda_tracker.attributes.frames import union_of_atoms  # noqa: E402
 from gda_tracker.attributes.fusion import fuse_pairs  # noqa: E402
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters  # noqa: E402
 from gda_tracker.attributes.rcs import sample  # noqa: E402
@@ -35,6 +34,7 @@ from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS  # noqa
 from gda_tracker.evaluation.figures.canvas import canvas, colour, legend_below, png  # noqa: E402
 from gda_tracker.evaluation.purity import confusion_counts, purity  # noqa: E402
 from gda_tracker.evaluation.results import mean_and_stderr  # noqa: E402
+from gda_tracker.evidence.frames import union_of_atoms  # noqa: E402
 from gda_tracker.parameters import from_mapping  # noqa: E402
 from gda_tracker.simulation.playback import Playback, with_method  # noqa: E402
 from gda_tracker.simulation.preset import tracker_preset  # noqa: E402

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gda_tracker.attributes.frames import element_name
 from gda_tracker.evaluation.monte_carlo import monte_carlo
+from gda_tracker.evidence.frames import element_name
 from gda_tracker.simulation.scenarios import load_scenario
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -1,1 +1,1 @@
-"""Attributes: RCS models, frames of discernment, rules, decisions and attribute fusion."""
+"""Attributes: RCS and class models, fuzzification, attribute fusion, generalised measurements."""

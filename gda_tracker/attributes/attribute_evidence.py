@@ -25,8 +25,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gda_tracker.attributes.class_models import ClassModel
-from gda_tracker.attributes.frames import free_model, shafer_model, singletons, total_ignorance
-from gda_tracker.attributes.rules import conjunction_table, conjunctive
+from gda_tracker.evidence.frames import free_model, shafer_model, singletons, total_ignorance
+from gda_tracker.evidence.rules import conjunction_table, conjunctive
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, MaskArray
 
 # Attribute rules: how the masses of several attributes are combined.

@@ -32,10 +32,10 @@ from functools import partial
 import numpy as np
 
 from gda_tracker.attributes.class_terms import class_prior, fuse_classes, transition_matrix
-from gda_tracker.attributes.frames import total_ignorance
 from gda_tracker.attributes.mass_terms import fuse_masses
 from gda_tracker.attributes.pair_beliefs import NO_FOCAL, PairBeliefs, Pairs, without_attribute
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS
+from gda_tracker.evidence.frames import total_ignorance
 from gda_tracker.parameters import ParameterError, parameter, specifications
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, MaskArray, empty_floats
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence

@@ -12,8 +12,8 @@ from gda_tracker.attributes.declared_attributes import (
     AttributeLists,
     declared_attributes,
 )
-from gda_tracker.attributes.frames import check_frame
 from gda_tracker.attributes.memberships import INTERPOLATIONS, NORMALISATIONS, HistogramSettings
+from gda_tracker.evidence.frames import check_frame
 from gda_tracker.parameters import ParameterError, parameter, specifications
 
 MEMBERSHIPS = ("histogram", "density")

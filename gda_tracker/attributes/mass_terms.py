@@ -14,13 +14,13 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from gda_tracker.attributes.batches import combine_rows, discount_columns, history_table
 from gda_tracker.attributes.bayes import log_class_mixture
-from gda_tracker.attributes.decisions import pignistic_matrix
-from gda_tracker.attributes.frames import free_model, shafer_model
 from gda_tracker.attributes.pair_beliefs import PairBeliefs, Pairs
-from gda_tracker.attributes.rules import conjunction_table, conjunctive, dempster, discount
 from gda_tracker.attributes.terms import RULE_OF_TERM
+from gda_tracker.evidence.batches import combine_rows, discount_columns, history_table
+from gda_tracker.evidence.decisions import pignistic_matrix
+from gda_tracker.evidence.frames import free_model, shafer_model
+from gda_tracker.evidence.rules import conjunction_table, conjunctive, dempster, discount
 from gda_tracker.vocabulary.arrays import FloatArray, MaskArray
 
 Fused = tuple[FloatArray, FloatArray]

@@ -17,7 +17,7 @@ bayes         class probabilities, Bayes' rule (Mahler 2011, (93), (94))        
 from __future__ import annotations
 
 # Terms with masses, and so with a distance of history and candidate history (Tchamova et al. 2004,
-# 14.4.2), by the rule of combination (see ``gda_tracker.attributes.destinations``).
+# 14.4.2), by the rule of combination (see ``gda_tracker.evidence.destinations``).
 RULE_OF_TERM = {
     "dsm_classic": "dsmc",
     "dsm_hybrid": "dsmh",

@@ -9,9 +9,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from gda_tracker.attributes.calculator import solve
-from gda_tracker.attributes.problem import RULES, Problem, ProblemError, read_problem
-from gda_tracker.attributes.rules import TotalConflictError
+from gda_tracker.evidence.calculator import solve
+from gda_tracker.evidence.problem import RULES, Problem, ProblemError, read_problem
+from gda_tracker.evidence.rules import TotalConflictError
 
 STANDARD_INPUT = "-"
 UNDEFINED_EXIT_CODE = 3

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.frames import (
     element_name,
     parse_element,
     parts,

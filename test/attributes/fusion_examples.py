@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from attribute_examples import predictions_of
 
-from gda_tracker.attributes.frames import parse_element
 from gda_tracker.attributes.fusion import AttributeFusion, AttributeFusionParameters
+from gda_tracker.evidence.frames import parse_element
 from gda_tracker.parameters import from_mapping
 
 FRAME, CLASSES = ("VS", "S", "B"), ("false_alarm", "fighter", "cargo")

@@ -16,7 +16,7 @@ from gda_tracker.attributes.attribute_evidence import (
     mixed_log_likelihood,
 )
 from gda_tracker.attributes.class_models import CLASS_MODELS
-from gda_tracker.attributes.frames import element_name, total_ignorance
+from gda_tracker.evidence.frames import element_name, total_ignorance
 
 FRAME = ("F", "D", "J", "C")
 ALL = np.ones(4, dtype=bool)

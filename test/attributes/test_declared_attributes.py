@@ -5,11 +5,11 @@ import pytest
 from attribute_examples import FOUR, scan_of
 from scipy import stats
 
-from gda_tracker.attributes.frames import element_name, total_ignorance
 from gda_tracker.attributes.fusion import class_prior, fuse_pairs
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.attributes.rcs import density
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS
+from gda_tracker.evidence.frames import element_name, total_ignorance
 from gda_tracker.parameters import ParameterError, from_mapping
 
 DECLARED = {

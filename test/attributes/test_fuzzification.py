@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from attribute_examples import FOUR, KEY, scan_of
 
-from gda_tracker.attributes.frames import element_name
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.attributes.rcs import density, log_density
+from gda_tracker.evidence.frames import element_name
 from gda_tracker.parameters import ParameterError, from_mapping, to_mapping
 
 

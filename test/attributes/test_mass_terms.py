@@ -12,9 +12,9 @@ from fusion_examples import CLASSES, EIGHT, FRAME, all_pairs, columns, histories
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gda_tracker.attributes.frames import element_name, hyper_power_set, shafer_model
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS, RULE_OF_TERM
+from gda_tracker.evidence.frames import element_name, hyper_power_set, shafer_model
 from gda_tracker.vocabulary.beliefs import Evidence
 
 ON_SHAFER = tuple(term for term in DISTANCE_TERMS if term != "dsm_classic")

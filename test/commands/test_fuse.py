@@ -15,9 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gda_tracker.attributes import calculator, problem
 from gda_tracker.cli import main
 from gda_tracker.commands.fuse import example
+from gda_tracker.evidence import calculator, problem
 
 PLAIN = {
     "frame": ["A", "B", "C"],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gda_tracker.attributes.frames import parse_element
+from gda_tracker.evidence.frames import parse_element
 from gda_tracker.vocabulary.scans import Detections, ScanKey, ScanTruth
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 

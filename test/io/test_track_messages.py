@@ -6,7 +6,7 @@ import pytest
 from message_examples import FRAME, assert_identical
 from rclpy.serialization import deserialize_message, serialize_message
 
-from gda_tracker.attributes.frames import hyper_power_set, shafer_model
+from gda_tracker.evidence.frames import hyper_power_set, shafer_model
 from gda_tracker.io.messages import MessageError, tracks_from_message, tracks_to_message
 from gda_tracker.io.track_messages import focal_name, parse_focal_name
 

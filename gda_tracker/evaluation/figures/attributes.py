@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from gda_tracker.attributes.decisions import pignistic_entropy
-from gda_tracker.attributes.frames import Model, free_model, shafer_model
 from gda_tracker.attributes.fuzzification import RcsFuzzifier
 from gda_tracker.attributes.rcs import density
 from gda_tracker.evaluation.figures.canvas import GREY, INK, canvas, colour, legend_below
+from gda_tracker.evidence.decisions import pignistic_entropy
+from gda_tracker.evidence.frames import Model, free_model, shafer_model
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.tracks import Tracks
 

@@ -2,8 +2,8 @@ import evidencelib
 import numpy as np
 import pytest
 
-from gda_tracker.attributes.cardinality import dsm_cardinality, elements
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.cardinality import dsm_cardinality, elements
+from gda_tracker.evidence.frames import (
     constrained_model,
     element_name,
     free_model,

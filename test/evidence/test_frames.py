@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from dictionary_rules import atom, from_mask
 
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.frames import (
     check_element,
     check_frame,
     constrained_model,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.frames import (
     constrained_model,
     free_model,
     hyper_power_set,

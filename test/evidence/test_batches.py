@@ -4,14 +4,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_evidence import NAMES, masks, problem, random_model
 
-from gda_tracker.attributes.batches import (
+from gda_tracker.evidence.batches import (
     combine_grid,
     combine_rows,
     discount_columns,
     history_table,
     rule_table,
 )
-from gda_tracker.attributes.combination import (
+from gda_tracker.evidence.combination import (
     RULES,
     NothingAliveError,
     TotalConflictError,
@@ -19,9 +19,9 @@ from gda_tracker.attributes.combination import (
     discount,
     reduce_source,
 )
-from gda_tracker.attributes.decisions import project
-from gda_tracker.attributes.destinations import destinations
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.decisions import project
+from gda_tracker.evidence.destinations import destinations
+from gda_tracker.evidence.frames import (
     constrained_model,
     free_element,
     free_model,

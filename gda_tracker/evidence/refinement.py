@@ -5,7 +5,7 @@ alarm, fighter, cargo}. A declared mapping says which element of Theta2 each ele
 stands for (Tchamova et al. 2004, 14.3.2.2), or which union of elements where the second frame is
 finer. Unions go to unions and intersections to intersections, so it is enough to say it of the
 elements. Masses go along, on the free lattice; a model of the second frame is applied afterwards
-(:func:`~gda_tracker.attributes.decisions.project` or a rule).
+(:func:`~gda_tracker.evidence.decisions.project` or a rule).
 
 >>> import numpy as np
 >>> sizes, types = ("VS", "S", "B"), ("FA", "F", "C")
@@ -26,7 +26,7 @@ from operator import and_, or_
 
 import numpy as np
 
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.frames import (
     check_element,
     check_frame,
     element_name,
@@ -121,7 +121,7 @@ class Refinement:
         return columns, masses @ matrix
 
     def carry_source(self, source: Mapping[int, float]) -> dict[int, float]:
-        """Carry over one source of :func:`~gda_tracker.attributes.combination.combine`."""
+        """Carry over one source of :func:`~gda_tracker.evidence.combination.combine`."""
         columns, masses = self.carry(
             np.array(list(source), dtype=np.uint32), np.array(list(source.values()))
         )

@@ -1,12 +1,12 @@
 """Rules of combination for any number of sources, one problem at a time.
 
 A source is a mapping from elements of the free model (Venn bitmasks of
-:mod:`gda_tracker.attributes.frames`) to masses that sum to one; any number of sources is fused
-*jointly* under a model. The rules are those of :mod:`gda_tracker.attributes.destinations`. This is
+:mod:`gda_tracker.evidence.frames`) to masses that sum to one; any number of sources is fused
+*jointly* under a model. The rules are those of :mod:`gda_tracker.evidence.destinations`. This is
 the calculator: sums are rounded once. Arrays of pairs are the work of
-:mod:`gda_tracker.attributes.batches`.
+:mod:`gda_tracker.evidence.batches`.
 
->>> from gda_tracker.attributes.frames import element_name, parse_element, shafer_model
+>>> from gda_tracker.evidence.frames import element_name, parse_element, shafer_model
 >>> names = ("A", "B")
 >>> shafer = shafer_model(names)
 >>> a, b, both = (parse_element(names, text) for text in ("A", "B", "A|B"))
@@ -29,15 +29,15 @@ from math import fsum, isfinite, prod
 
 import numpy as np
 
-from gda_tracker.attributes.destinations import RULES, Destinations, NothingAliveError, destinations
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.destinations import RULES, Destinations, NothingAliveError, destinations
+from gda_tracker.evidence.frames import (
     Model,
     element_name,
     free_element,
     sort_elements,
     total_ignorance,
 )
-from gda_tracker.attributes.rules import TotalConflictError
+from gda_tracker.evidence.rules import TotalConflictError
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 
 __all__ = [

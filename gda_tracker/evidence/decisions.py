@@ -5,7 +5,7 @@ decision is asked for. That is the hybrid DSm rule as a projection: the mass of 
 model empties goes to the union of its atoms (Tchamova et al. 2004, 14.3.2.2). A history can so be
 seen in both frames of figure 14.8, on the free model of Theta1 and on Shafer's model of Theta2.
 
->>> from gda_tracker.attributes.frames import shafer_model
+>>> from gda_tracker.evidence.frames import shafer_model
 >>> names, focal = ("A", "B"), np.array([0b101, 0b100], dtype=np.uint32)      # A, A&B
 >>> generalised_pignistic(shafer_model(names), focal, np.array([[0.5, 0.5]])).tolist()
 [[0.75, 0.25]]
@@ -18,12 +18,12 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import xlogy
 
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.frames import (
     Model,
     singletons,
     sort_elements,
 )
-from gda_tracker.attributes.rules import move_to_model
+from gda_tracker.evidence.rules import move_to_model
 from gda_tracker.vocabulary.arrays import FloatArray, MaskArray
 
 
@@ -43,7 +43,7 @@ def project(model: Model, focal: MaskArray, masses: FloatArray) -> tuple[MaskArr
     -------
     focal, masses
         (E',) elements as reduced by the model, without repetition, in the order of
-        :func:`~gda_tracker.attributes.frames.sort_elements`, and (..., E') masses; none is lost.
+        :func:`~gda_tracker.evidence.frames.sort_elements`, and (..., E') masses; none is lost.
     """
     moved = [move_to_model(model, mask) for mask in np.asarray(focal).tolist()]
     reduced = sort_elements(set(moved))

@@ -1,7 +1,7 @@
 """Rules of combination on arrays: many pairs of sources, or many tuples of sources, at once.
 
 Masses are arrays (P, E) over focal columns, one row per problem; columns are elements of the free
-model (Venn bitmasks of :mod:`gda_tracker.attributes.frames`). What a rule does with each tuple of
+model (Venn bitmasks of :mod:`gda_tracker.evidence.frames`). What a rule does with each tuple of
 columns is worked out once per set of columns in a :class:`RuleTable` and kept. Then a rule is one
 contraction, for PCR plus the shares of the dead tuples.
 
@@ -10,7 +10,7 @@ one source with every row of another. For sources that follow each other in time
 and its measurements) :func:`history_table` closes the columns, so that the outcome is the next
 history over the same columns.
 
->>> from gda_tracker.attributes.frames import element_name, shafer_model
+>>> from gda_tracker.evidence.frames import element_name, shafer_model
 >>> model = shafer_model(("A", "B"))
 >>> table = rule_table("pcr5", model, [np.array([0b101, 0b111]), np.array([0b110, 0b111])])
 >>> masses, conflict = combine_rows(table, [np.array([[0.6, 0.4]]), np.array([[0.3, 0.7]])])
@@ -29,14 +29,14 @@ from math import prod
 
 import numpy as np
 
-from gda_tracker.attributes.destinations import NothingAliveError
-from gda_tracker.attributes.rule_tables import (
+from gda_tracker.evidence.destinations import NothingAliveError
+from gda_tracker.evidence.rule_tables import (
     RuleTable,
     Shares,
     history_table,
     rule_table,
 )
-from gda_tracker.attributes.rules import TotalConflictError
+from gda_tracker.evidence.rules import TotalConflictError
 from gda_tracker.vocabulary.arrays import FloatArray
 
 __all__ = [

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_evidence import random_model
 
-from gda_tracker.attributes import decisions, rules
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence import decisions, rules
+from gda_tracker.evidence.frames import (
     constrained_model,
     element_name,
     free_model,

@@ -3,8 +3,8 @@
 import pytest
 
 from benchmarks.evidence import CASES, measure_evidencelib
-from gda_tracker.attributes.combination import RULES
-from gda_tracker.attributes.frames import free_model, shafer_model
+from gda_tracker.evidence.combination import RULES
+from gda_tracker.evidence.frames import free_model, shafer_model
 
 
 @pytest.mark.parametrize(("size", "rule", "model_name", "goal_ms"), CASES)

@@ -4,9 +4,9 @@ from dictionary_rules import assert_same, from_row
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gda_tracker.attributes.combination import combine
-from gda_tracker.attributes.decisions import generalised_pignistic
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.combination import combine
+from gda_tracker.evidence.decisions import generalised_pignistic
+from gda_tracker.evidence.frames import (
     element_name,
     free_model,
     hyper_power_set,
@@ -14,7 +14,7 @@ from gda_tracker.attributes.frames import (
     shafer_model,
     total_ignorance,
 )
-from gda_tracker.attributes.refinement import Refinement
+from gda_tracker.evidence.refinement import Refinement
 
 SIZES, TYPES = ("VS", "S", "B"), ("FA", "F", "C")
 CHAPTER = Refinement(SIZES, TYPES, {"VS": "FA", "S": "F", "B": "C"})

@@ -7,16 +7,16 @@ import evidencelib
 import numpy as np
 import pytest
 
-from gda_tracker.attributes.calculator import solve
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.calculator import solve
+from gda_tracker.evidence.frames import (
     constrained_model,
     element_name,
     free_model,
     hyper_power_set,
     parse_element,
 )
-from gda_tracker.attributes.problem import RULES, read_problem
-from gda_tracker.attributes.rules import TotalConflictError
+from gda_tracker.evidence.problem import RULES, read_problem
+from gda_tracker.evidence.rules import TotalConflictError
 
 PROBLEMS_PER_RULE = 40
 

@@ -1,7 +1,7 @@
 """Index tables of the rules of combination: what becomes of every tuple of columns.
 
 A :class:`RuleTable` is worked out once for a rule, a model and the columns of the sources, and kept
-for the next call. The kernels of :mod:`gda_tracker.attributes.batches` contract masses with it.
+for the next call. The kernels of :mod:`gda_tracker.evidence.batches` contract masses with it.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from gda_tracker.attributes.destinations import Destinations, destinations
-from gda_tracker.attributes.frames import Model, free_element, sort_elements, total_ignorance
-from gda_tracker.attributes.rules import move_to_model
+from gda_tracker.evidence.destinations import Destinations, destinations
+from gda_tracker.evidence.frames import Model, free_element, sort_elements, total_ignorance
+from gda_tracker.evidence.rules import move_to_model
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray, MaskArray
 
 # Numbers in a dense matrix of zeros and ones (2 MB); beyond, only the ones are kept.
@@ -145,7 +145,7 @@ def history_table(
         often. ``embedding`` (E0, G) carries histories over their own columns to them; ``None`` if
         they are the same. Except under ``dsmc`` it moves the mass of elements that are dead on the
         model (of histories that come from another one) by
-        :func:`~gda_tracker.attributes.rules.move_to_model`.
+        :func:`~gda_tracker.evidence.rules.move_to_model`.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Sizes under a model: Venn parts of an element, elements of a hyper-power set.
 
->>> from gda_tracker.attributes.frames import constrained_model, free_model, parse_element
+>>> from gda_tracker.evidence.frames import constrained_model, free_model, parse_element
 >>> names = ("A", "B", "C")
 >>> dsm_cardinality(free_model(names), parse_element(names, "A&B"))
 2
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.frames import (
     Model,
     free_element,
     hyper_power_set,

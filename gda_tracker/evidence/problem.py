@@ -9,7 +9,7 @@ as it stands or refused with one line that names the fault.
 (True, {5: 0.3, 7: 0.7})
 >>> read_problem('{"frame": ["A", "B"], "rule": "dsmc", "sources": [{"A": 0.3}, {"B": 1}]}')
 Traceback (most recent call last):
-gda_tracker.attributes.problem.ProblemError: sources[0]: masses sum to 0.3; allowed is 1 within 1e-9
+gda_tracker.evidence.problem.ProblemError: sources[0]: masses sum to 0.3; allowed is 1 within 1e-9
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gda_tracker.attributes.combination import RULES as COMBINATION_RULES
-from gda_tracker.attributes.frames import (
+from gda_tracker.errors import UserError
+from gda_tracker.evidence.combination import RULES as COMBINATION_RULES
+from gda_tracker.evidence.frames import (
     MAX_ELEMENTS,
     Model,
     check_frame,
@@ -32,7 +33,6 @@ from gda_tracker.attributes.frames import (
     parse_element,
     shafer_model,
 )
-from gda_tracker.errors import UserError
 
 RULES = (*COMBINATION_RULES, "discount", "pignistic")
 

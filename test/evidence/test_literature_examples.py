@@ -23,15 +23,15 @@ from fractions import Fraction
 import evidencelib
 import pytest
 
-from gda_tracker.attributes.calculator import solve
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.calculator import solve
+from gda_tracker.evidence.frames import (
     element_name,
     hyper_power_set,
     parse_element,
     shafer_model,
 )
-from gda_tracker.attributes.problem import read_problem
-from gda_tracker.attributes.rules import TotalConflictError
+from gda_tracker.evidence.problem import read_problem
+from gda_tracker.evidence.rules import TotalConflictError
 
 AB, ABC = ("A", "B"), ("A", "B", "C")
 FREE = []

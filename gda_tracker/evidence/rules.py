@@ -1,11 +1,11 @@
 """Rules of combination, batched over pairs of a history and a measurement.
 
 Masses are arrays (P, E) over focal columns, one row per pair; the columns are given by the Venn
-bitmasks of :mod:`gda_tracker.attributes.frames` on the free model. Which product of columns goes
+bitmasks of :mod:`gda_tracker.evidence.frames` on the free model. Which product of columns goes
 where is worked out once per set of columns in a :class:`ConjunctionTable`; a rule is then one
 contraction.
 
->>> from gda_tracker.attributes.frames import element_name, free_model
+>>> from gda_tracker.evidence.frames import element_name, free_model
 >>> model = free_model(("A", "B"))
 >>> table = conjunction_table(model, np.array([0b101, 0b110]), np.array([0b101, 0b111]))
 >>> history, measurement = table.embed(np.array([[0.4, 0.6]])), np.array([[0.5, 0.5]])
@@ -23,7 +23,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.frames import (
     Model,
     check_element,
     intersection_closure,

@@ -1,6 +1,6 @@
 """Solves a problem of evidence: the calculator behind ``gda-tracker fuse``.
 
->>> from gda_tracker.attributes.problem import read_problem
+>>> from gda_tracker.evidence.problem import read_problem
 >>> zadeh = read_problem('{"frame": ["M", "C", "T"], "model": "shafer", "rule": "dempster",'
 ...                      ' "sources": [{"M": 0.9, "T": 0.1}, {"C": 0.9, "T": 0.1}]}')
 >>> solve(zadeh)[0].result
@@ -15,21 +15,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gda_tracker.attributes.combination import (
+from gda_tracker.evidence.combination import (
     NothingAliveError,
     combine,
     discount,
     reduce_source,
 )
-from gda_tracker.attributes.decisions import generalised_pignistic, pignistic_entropy
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.decisions import generalised_pignistic, pignistic_entropy
+from gda_tracker.evidence.frames import (
     Model,
     element_name,
     free_model,
     sort_elements,
     upward_closure,
 )
-from gda_tracker.attributes.problem import Problem, ProblemError
+from gda_tracker.evidence.problem import Problem, ProblemError
 
 
 @dataclass(frozen=True)

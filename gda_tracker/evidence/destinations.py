@@ -24,8 +24,8 @@ model, and is *dead* if nothing of that is left. By rule its product of masses g
 Elements that a model merges are one element: a source's masses on them are added before a rule
 looks at them. It only matters for PCR. Dead elements stay what they are on the free lattice.
 
-This is the one place that knows the rules; :mod:`gda_tracker.attributes.combination` (one problem)
-and :mod:`gda_tracker.attributes.batches` (arrays of pairs) carry them out.
+This is the one place that knows the rules; :mod:`gda_tracker.evidence.combination` (one problem)
+and :mod:`gda_tracker.evidence.batches` (arrays of pairs) carry them out.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from math import prod
 
 import numpy as np
 
-from gda_tracker.attributes.frames import Model, union_of_atoms
+from gda_tracker.evidence.frames import Model, union_of_atoms
 from gda_tracker.vocabulary.arrays import BoolArray, MaskArray
 
 RULES = ("dsmc", "dsmh", "dempster", "disjunctive", "yager", "dubois_prade", "pcr5", "pcr6")

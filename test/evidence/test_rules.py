@@ -5,8 +5,8 @@ from dictionary_rules import assert_same, conjunctive, dempster, from_row
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gda_tracker.attributes import rules
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence import rules
+from gda_tracker.evidence.frames import (
     element_name,
     free_model,
     hyper_power_set,

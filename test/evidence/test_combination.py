@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_evidence import NAMES, masks, problem, random_source, survivors
 
-from gda_tracker.attributes.combination import (
+from gda_tracker.evidence.combination import (
     RULES,
     NothingAliveError,
     TotalConflictError,
@@ -14,7 +14,7 @@ from gda_tracker.attributes.combination import (
     discount,
     reduce_source,
 )
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.frames import (
     Model,
     constrained_model,
     element_name,

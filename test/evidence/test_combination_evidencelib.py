@@ -25,13 +25,13 @@ import pytest
 from evidencelib.exceptions import TotalConflictError as TheirTotalConflictError
 from random_evidence import NAMES
 
-from gda_tracker.attributes.combination import (
+from gda_tracker.evidence.combination import (
     RULES,
     NothingAliveError,
     TotalConflictError,
     combine,
 )
-from gda_tracker.attributes.frames import (
+from gda_tracker.evidence.frames import (
     constrained_model,
     element_name,
     free_model,

@@ -1,0 +1,1 @@
+"""Evidence: frames of discernment, belief masses, rules of combination, decisions."""
