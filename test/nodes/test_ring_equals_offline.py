@@ -18,6 +18,7 @@ from graph_helpers import (
 
 from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses
 from gda_tracker.nodes.scan_source import ScanSourceNode
+from gda_tracker.resources import resource
 from gda_tracker.simulation.playback import Playback
 
 METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "gda/dempster/cv", "gda/pcr5/cv", "map/bayes/cv")
@@ -72,10 +73,21 @@ def test_four_classes_and_further_attributes(environment, domain, monkeypatch):
 KILLS_PER_STAGE = 10
 
 
+@pytest.fixture
+def without_shared_memory(environment, monkeypatch):
+    """The profile for nodes that are killed: see the comment in the file."""
+    profile = str(resource("params", "fastdds_udp.xml"))
+    for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):
+        environment[name] = profile
+        monkeypatch.setenv(name, profile)
+    return environment
+
+
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("victim", STAGES)
-def test_killed_and_restarted(victim, environment, tmp_path):
+def test_killed_and_restarted(victim, without_shared_memory, tmp_path):
     """Each stage is killed ten times while a scan is on its way; nothing is lost or changed."""
+    environment = without_shared_memory
     method = "gda/dsm_classic/cv"
     plays, parameters = scenario_plays("closely_spaced_targets", method)
     expected = offline(plays, parameters)
