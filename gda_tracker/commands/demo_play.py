@@ -122,10 +122,12 @@ def play_part(
                 raise DemoError(failure)
 
         def listening() -> bool:
-            return not _unmatched(source, recorder, evaluator)
+            # A node whose diagnostics arrive has found all readers of this process: they were made
+            # known to it in order, that of the diagnostics last.
+            return not _unmatched(source, recorder, evaluator) and life.all_heard()
 
         if not nodes.spin_until(listening, START_TIMEOUT_S, alive):
-            missing = ", ".join(_unmatched(source, recorder, evaluator))
+            missing = ", ".join(_unmatched(source, recorder, evaluator) or life.unheard())
             raise DemoError(f"not up after {START_TIMEOUT_S:.0f} s: {missing}")
         source.trigger_activate()
         stall = _Stall()
@@ -206,6 +208,7 @@ class _SignsOfLife:
         from diagnostic_msgs.msg import DiagnosticArray
 
         self._heard = dict.fromkeys(dict.fromkeys(PUBLISHERS.values()), time.monotonic())
+        self._unheard = dict.fromkeys(self._heard)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
 
     def _on_diagnostics(self, message: Any) -> None:
@@ -213,6 +216,15 @@ class _SignsOfLife:
             name = status.name.rpartition("/")[2]
             if name in self._heard:
                 self._heard[name] = time.monotonic()
+                self._unheard.pop(name, None)
+
+    def all_heard(self) -> bool:
+        """Whether every node has been heard at least once."""
+        return not self._unheard
+
+    def unheard(self) -> list[str]:
+        """Nodes that have never been heard."""
+        return [f"node {name}" for name in self._unheard]
 
     def silent(self) -> list[str]:
         """Nodes that have been silent for too long."""
