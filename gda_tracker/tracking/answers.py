@@ -1,4 +1,4 @@
-"""Whether what reaches the track manager from other nodes fits: answers and initial tracks."""
+"""Whether the answers of the other stages fit the open scan."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import numpy as np
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
 from gda_tracker.vocabulary.scans import ScanKey
-from gda_tracker.vocabulary.tracks import Tracks
 
 
 class Inconsistent(ValueError):
@@ -93,36 +92,3 @@ def _check_beliefs(name: str, answer: Evidence | AttributeScores, rows: int) -> 
         raise Inconsistent(
             f"{name}: conflict has shape {answer.conflict.shape}, expected ({rows},)"
         )
-
-
-def fault_of_initial_tracks(initial: Tracks) -> str:
-    """Name what makes labelled tracks unusable, or return an empty text."""
-    n = len(initial)
-    shapes = (
-        (initial.mean, (n, 4)),
-        (initial.covariance, (n, 4, 4)),
-        (initial.masses, (n, len(initial.focal))),
-        (initial.class_probability, (n, len(initial.class_names))),
-        (initial.conflict, (n,)),
-        (initial.hits, (n,)),
-        (initial.misses, (n,)),
-        (initial.first_detection_ns, (n,)),
-        (initial.last_detection_ns, (n,)),
-        (initial.detection_index, (n,)),
-    )
-    if any(values.shape != shape for values, shape in shapes):
-        return "initial_tracks_malformed"
-    real = (
-        initial.mean,
-        initial.covariance,
-        initial.masses,
-        initial.class_probability,
-        initial.conflict,
-    )
-    if not all(np.isfinite(values).all() for values in real):
-        return "initial_tracks_not_finite"
-    try:
-        np.linalg.cholesky(initial.covariance)
-    except np.linalg.LinAlgError:
-        return "initial_tracks_bad_covariance"
-    return ""

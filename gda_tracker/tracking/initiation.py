@@ -100,11 +100,11 @@ class NewTracks:
     detection, ``gap_scans`` (N,) the scans between the two detections plus one.
     """
 
-    mean: FloatArray
-    covariance: FloatArray
-    detection: IntArray
-    first_stamp_ns: IntArray
-    gap_scans: IntArray
+    mean: FloatArray = field(default_factory=lambda: empty_floats(0, 4))
+    covariance: FloatArray = field(default_factory=lambda: empty_floats(0, 4, 4))
+    detection: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    first_stamp_ns: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    gap_scans: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 def start_tracks(

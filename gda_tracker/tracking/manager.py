@@ -13,35 +13,30 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
-from gda_tracker.kinematics.gaussian_filters import predict, update
-from gda_tracker.kinematics.motion_models import constant_velocity
-from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
-from gda_tracker.tracking.answers import (
-    Inconsistent,
-    check_answers,
-    fault_of_initial_tracks,
+from gda_tracker.tracking.answers import Inconsistent, check_answers
+from gda_tracker.tracking.births import (
+    hypotheses_of_births,
+    new_tracks,
+    unassigned_detections,
 )
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
-from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
-from gda_tracker.tracking.initiation import (
-    NewTracks,
-    StartPoints,
-    bounded_speed,
-    start_tracks,
-)
+from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.initial_tracks import fault_of_initial_tracks, hypotheses_of_tracks
+from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.lifecycle import confirmed, ended
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.predictions import predictions_of
+from gda_tracker.tracking.state_update import predict_states, update_beliefs, update_states
 from gda_tracker.tracking.waiting_room import WaitingRoom
-from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
+from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
-from gda_tracker.vocabulary.hypotheses import Associations, AssociationSettings, Predictions
+from gda_tracker.vocabulary.hypotheses import Associations
 from gda_tracker.vocabulary.scans import Detections, Scan, ScanKey, ScanReport
-from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE, Tracks
+from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
 
 class TrackManager:
@@ -164,31 +159,8 @@ class TrackManager:
             return replace(report, outcome="rejected", reason=reason, tracks_confirmed=0)
         self.opened = None
         self._apply_parameters()
-        ids = np.arange(n, dtype=np.int64)
-        ones, zeros = np.ones(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
         self.state = ManagerState(
-            table=HypothesisTable(
-                hypothesis_id=state.next_hypothesis_id + ids,
-                parent_id=zeros,
-                track_id=state.next_track_id + ids,
-                status=np.full(n, CONFIRMED, dtype=np.int64),
-                mean=initial.mean.copy(),
-                covariance=initial.covariance.copy(),
-                history=3 * ones,
-                age_scans=2 * ones,
-                hits=initial.hits.astype(np.int64),
-                misses=initial.misses.astype(np.int64),
-                coasted_scans=zeros.copy(),
-                first_detection_ns=initial.first_detection_ns.copy(),
-                last_detection_ns=initial.last_detection_ns.copy(),
-                detection_index=initial.detection_index.astype(np.int64),
-                conflict=initial.conflict.copy(),
-                masses=initial.masses.copy(),
-                class_probability=initial.class_probability.copy(),
-                frame=initial.frame,
-                focal=initial.focal.copy(),
-                class_names=initial.class_names,
-            ),
+            table=hypotheses_of_tracks(initial, state.next_track_id, state.next_hypothesis_id),
             next_track_id=state.next_track_id + n,
             next_hypothesis_id=state.next_hypothesis_id + n,
             last_ns=initial.key.stamp_ns,
@@ -237,14 +209,10 @@ class TrackManager:
             self._generation = waiting.generation
             ended_ids, started, dt_s = table.track_id, True, 0.0
             table = table.select(np.zeros(len(table), dtype=bool))
-        if len(table) and dt_s != 0.0:
-            transition, noise = constant_velocity(dt_s, p.process_noise_std_mps2)
-            mean, covariance = predict(table.mean, table.covariance, transition, noise)
-            table = table.copy()
-            table.mean, table.covariance = mean, covariance
+        table = predict_states(table, dt_s, p)
         self.opened = OpenScan(
             scan,
-            self._predictions(scan.key, table),
+            predictions_of(scan.key, table, p),
             table,
             ended_ids,
             started,
@@ -253,34 +221,6 @@ class TrackManager:
             waiting.counts,
         )
         return self.opened
-
-    def _predictions(self, key: ScanKey, table: HypothesisTable) -> Predictions:
-        p = self.parameters
-        start, weight, model = _one_component_each(len(table))
-        return Predictions(
-            key=key,
-            settings=AssociationSettings(
-                decision=p.decision,
-                attribute_term=p.attribute_term,
-                missed_track_hypotheses=p.missed_track_hypotheses,
-                gate_probability=p.gate_probability,
-                clutter_density=p.clutter_density_per_m_rad,
-            ),
-            hypothesis_id=table.hypothesis_id,
-            parent_id=table.parent_id,
-            track_id=table.track_id,
-            detection_probability=p.detection_probability * weight,
-            component_start=start,
-            component_weight=weight,
-            component_model=model,
-            component_mean=table.mean,
-            component_covariance=table.covariance,
-            frame=table.frame,
-            focal=table.focal,
-            masses=table.masses,
-            class_names=table.class_names,
-            class_probability=table.class_probability,
-        )
 
     def close(
         self,
@@ -310,11 +250,11 @@ class TrackManager:
         table = opened.table.copy()
         assigned = associations.assigned_detection
         hit = assigned >= 0
-        self._update_states(opened.scan, table, hit, assigned)
+        update_states(table, opened.scan, assigned)
         if evidence is not None:
             table.use_frame(evidence.frame, evidence.class_names)
         if scores is not None and not associations.degraded:
-            self._update_beliefs(table, scores, associations)
+            update_beliefs(table, scores, associations.chosen)
 
         p = self.parameters
         table.history = ((table.history << 1) & np.int64((1 << 60) - 1)) | hit
@@ -344,7 +284,10 @@ class TrackManager:
             table = table.select(~gone)
         points = StartPoints() if opened.started else self.state.points
         if p.initiation == "automatic":
-            table, points = self._initiate(opened, table, points, evidence, associations)
+            unassigned = unassigned_detections(
+                opened.scan, associations, opened.table.status, p.initiation_outside_gates
+            )
+            table, points = self._begin_tracks(opened.scan, table, points, unassigned, evidence)
         outcome = "degraded" if associations.degraded else "tracked"
         return self._finish(opened, table, points, deleted, outcome)
 
@@ -361,136 +304,28 @@ class TrackManager:
             raise Inconsistent("no scan is open")
         return self.opened
 
-    def _update_states(
-        self, scan: Scan, table: HypothesisTable, hit: np.ndarray, assigned: Int32Array
-    ) -> None:
-        rows = np.flatnonzero(hit)
-        if not len(rows):
-            return
-        innovation = innovations(
-            polar_measurements(scan), table.mean[rows], table.covariance[rows], assigned[rows]
-        )
-        mean, covariance = table.mean.copy(), table.covariance.copy()
-        mean[rows], covariance[rows] = update(table.mean[rows], table.covariance[rows], innovation)
-        table.mean, table.covariance = mean, covariance
-
-    def _update_beliefs(
-        self, table: HypothesisTable, scores: AttributeScores, associations: Associations
-    ) -> None:
-        """Give each hypothesis with a detection the candidate belief of its pair."""
-        pairs = np.flatnonzero(associations.chosen)
-        if not len(pairs):
-            return
-        rows = scores.hypothesis[pairs]
-        if scores.masses.shape[1]:
-            table.use_focal(scores.focal)
-            masses = table.masses.copy()
-            masses[rows] = 0.0
-            masses[rows, : len(scores.focal)] = scores.masses[pairs]
-            table.masses = masses
-        if scores.class_probability.shape[1]:
-            beliefs = table.class_probability.copy()
-            beliefs[rows] = scores.class_probability[pairs]
-            table.class_probability = beliefs
-        conflict = table.conflict.copy()
-        conflict[rows] = scores.conflict[pairs]
-        table.conflict = conflict
-
-    def _initiate(
+    def _begin_tracks(
         self,
-        opened: OpenScan,
+        scan: Scan,
         table: HypothesisTable,
         points: StartPoints,
+        unassigned: IntArray,
         evidence: Evidence | None,
-        associations: Associations,
     ) -> tuple[HypothesisTable, StartPoints]:
-        p, scan = self.parameters, opened.scan
-        free = np.ones(len(scan), dtype=bool)
-        free[associations.assigned_detection[associations.assigned_detection >= 0]] = False
-        if p.initiation_outside_gates:
-            known = opened.table.status[associations.hypothesis] == CONFIRMED
-            free[associations.detection[known]] = False
-        unassigned = np.flatnonzero(free)
-        if not len(unassigned) and not len(points):
+        """Append what starts from the unassigned detections, as far as there is room."""
+        p, state = self.parameters, self.state
+        new, points = new_tracks(points, scan, unassigned, p)
+        count = min(len(new.detection), max(p.max_tracks - len(table), 0))
+        if count < len(new.detection):
+            self.counters["max_tracks_reached"] += len(new.detection) - count
+        if not count:
             return table, points
-        new, points = start_tracks(
-            points,
-            polar_measurements(scan),
-            unassigned,
-            scan.key.stamp_ns,
-            max_speed_mps=p.max_speed_mps,
-            memory_scans=p.initiation_memory_scans,
+        born = hypotheses_of_births(
+            new, count, scan, evidence, table, state.next_track_id, state.next_hypothesis_id, p
         )
-        if not len(new.detection):
-            return table, points
-        new.mean, new.covariance = bounded_speed(new.mean, new.covariance, p.max_speed_mps)
-        room = max(p.max_tracks - len(table), 0)
-        if len(new.detection) > room:
-            self.counters["max_tracks_reached"] += len(new.detection) - room
-        return self._append(table, scan, new, evidence, room), points
-
-    def _append(
-        self,
-        table: HypothesisTable,
-        scan: Scan,
-        new: NewTracks,
-        evidence: Evidence | None,
-        room: int,
-    ) -> HypothesisTable:
-        n = min(len(new.detection), room)
-        if not n:
-            return table
-        state, detection = self.state, new.detection[:n]
-        ids = np.arange(n, dtype=np.int64)
-        ones, zeros = np.ones(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
-        if evidence is not None:
-            columns = np.union1d(table.focal, evidence.focal).astype(np.uint32)
-            if len(columns) != len(table.focal):
-                missing = columns[~np.isin(columns, table.focal)]
-                table.use_focal(np.concatenate([table.focal, missing]))
-            masses = move_columns(evidence.masses[detection], evidence.focal, table.focal)
-            classes = evidence.class_probability[detection]
-        else:
-            # No evidence for the scan: the new tracks know nothing about their class.
-            masses = self._ignorance(n, table)
-            c = len(table.class_names)
-            classes = np.full((n, c), 1.0 / max(c, 1))
-        started = HypothesisTable(
-            hypothesis_id=state.next_hypothesis_id + ids,
-            parent_id=zeros,
-            track_id=state.next_track_id + ids,
-            status=np.full(n, TENTATIVE, dtype=np.int64),
-            mean=new.mean[:n],
-            covariance=new.covariance[:n],
-            history=(ones << new.gap_scans[:n]) | 1,
-            age_scans=new.gap_scans[:n] + 1,
-            hits=2 * ones,
-            misses=new.gap_scans[:n] - 1,
-            coasted_scans=zeros,
-            first_detection_ns=new.first_stamp_ns[:n],
-            last_detection_ns=np.full(n, scan.key.stamp_ns, dtype=np.int64),
-            detection_index=scan.source_index[detection].astype(np.int64),
-            conflict=np.zeros(n),
-            masses=masses,
-            class_probability=classes,
-        )
-        p = self.parameters
-        started.status = confirmed(
-            started.status, started.history, p.confirmation_hits, p.confirmation_scans
-        )
-        longer = table.append(started)
-        state.next_hypothesis_id += n
-        state.next_track_id += n
-        return longer
-
-    @staticmethod
-    def _ignorance(n: int, table: HypothesisTable) -> FloatArray:
-        if not table.frame:
-            return np.zeros((n, 0))
-        total = np.uint32((1 << ((1 << len(table.frame)) - 1)) - 1)
-        if total not in table.focal:
-            table.use_focal(np.append(table.focal, total).astype(np.uint32))
-        return np.where(table.focal == total, 1.0, 0.0)[None, :].repeat(n, axis=0)
+        state.next_hypothesis_id += count
+        state.next_track_id += count
+        return table.append(born), points
 
     def _finish(
         self,
@@ -554,12 +389,3 @@ class TrackManager:
             deleted_track_id=state.deleted_track_id,
             degraded=state.degraded,
         )
-
-
-@lru_cache(maxsize=256)
-def _one_component_each(count: int) -> tuple[Int32Array, FloatArray, Int32Array]:
-    """First component, weights and models of ``count`` hypotheses with one component each."""
-    arrays = np.arange(count + 1, dtype=np.int32), np.ones(count), np.zeros(count, dtype=np.int32)
-    for array in arrays:
-        array.flags.writeable = False
-    return arrays

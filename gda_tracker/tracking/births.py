@@ -1,0 +1,128 @@
+"""Births: new tracks from the detections of a scan that belong to none."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gda_tracker.kinematics.sensor_models import polar_measurements
+from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
+from gda_tracker.tracking.initiation import NewTracks, StartPoints, bounded_speed, start_tracks
+from gda_tracker.tracking.lifecycle import confirmed
+from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.vocabulary.arrays import FloatArray, IntArray
+from gda_tracker.vocabulary.beliefs import Evidence
+from gda_tracker.vocabulary.hypotheses import Associations
+from gda_tracker.vocabulary.scans import Scan
+from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE
+
+
+def unassigned_detections(
+    scan: Scan, associations: Associations, status: IntArray, outside_gates: bool
+) -> IntArray:
+    """Return the detections that may start tracks, as rows of the scan.
+
+    ``status`` (H,) is that of the associations' hypotheses. With ``outside_gates``, those inside
+    the gate of a confirmed one may not.
+    """
+    free = np.ones(len(scan), dtype=bool)
+    free[associations.assigned_detection[associations.assigned_detection >= 0]] = False
+    if outside_gates:
+        free[associations.detection[status[associations.hypothesis] == CONFIRMED]] = False
+    return np.flatnonzero(free)
+
+
+def new_tracks(
+    points: StartPoints, scan: Scan, unassigned: IntArray, parameters: TrackManagerParameters
+) -> tuple[NewTracks, StartPoints]:
+    """Pair the unassigned detections with those of earlier scans.
+
+    Returns
+    -------
+    new, points
+        The tracks that start, and the detections that wait for a second one.
+    """
+    if not len(unassigned) and not len(points):
+        return NewTracks(), points
+    new, points = start_tracks(
+        points,
+        polar_measurements(scan),
+        unassigned,
+        scan.key.stamp_ns,
+        max_speed_mps=parameters.max_speed_mps,
+        memory_scans=parameters.initiation_memory_scans,
+    )
+    if len(new.detection):
+        new.mean, new.covariance = bounded_speed(new.mean, new.covariance, parameters.max_speed_mps)
+    return new, points
+
+
+def hypotheses_of_births(
+    new: NewTracks,
+    count: int,
+    scan: Scan,
+    evidence: Evidence | None,
+    table: HypothesisTable,
+    first_track_id: int,
+    first_hypothesis_id: int,
+    parameters: TrackManagerParameters,
+) -> HypothesisTable:
+    """Return the first ``count`` of the new tracks as rows that fit under ``table``.
+
+    ``table`` is widened where their beliefs need more focal columns than it has.
+    """
+    detection = new.detection[:count]
+    ids = np.arange(count, dtype=np.int64)
+    ones, zeros = np.ones(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    masses, classes = _first_beliefs(detection, evidence, table)
+    started = HypothesisTable(
+        hypothesis_id=first_hypothesis_id + ids,
+        parent_id=zeros,
+        track_id=first_track_id + ids,
+        status=np.full(count, TENTATIVE, dtype=np.int64),
+        mean=new.mean[:count],
+        covariance=new.covariance[:count],
+        history=(ones << new.gap_scans[:count]) | 1,
+        age_scans=new.gap_scans[:count] + 1,
+        hits=2 * ones,
+        misses=new.gap_scans[:count] - 1,
+        coasted_scans=zeros,
+        first_detection_ns=new.first_stamp_ns[:count],
+        last_detection_ns=np.full(count, scan.key.stamp_ns, dtype=np.int64),
+        detection_index=scan.source_index[detection].astype(np.int64),
+        conflict=np.zeros(count),
+        masses=masses,
+        class_probability=classes,
+    )
+    started.status = confirmed(
+        started.status,
+        started.history,
+        parameters.confirmation_hits,
+        parameters.confirmation_scans,
+    )
+    return started
+
+
+def _first_beliefs(
+    detection: IntArray, evidence: Evidence | None, table: HypothesisTable
+) -> tuple[FloatArray, FloatArray]:
+    """Masses and class probabilities of tracks whose newest detections these are."""
+    if evidence is None:
+        # Nothing is known of the scan: the new tracks know nothing about their class.
+        n, c = len(detection), len(table.class_names)
+        return _ignorance(n, table), np.full((n, c), 1.0 / max(c, 1))
+    columns = np.union1d(table.focal, evidence.focal).astype(np.uint32)
+    if len(columns) != len(table.focal):
+        missing = columns[~np.isin(columns, table.focal)]
+        table.use_focal(np.concatenate([table.focal, missing]))
+    masses = move_columns(evidence.masses[detection], evidence.focal, table.focal)
+    return masses, evidence.class_probability[detection]
+
+
+def _ignorance(n: int, table: HypothesisTable) -> FloatArray:
+    if not table.frame:
+        return np.zeros((n, 0))
+    total = np.uint32((1 << ((1 << len(table.frame)) - 1)) - 1)
+    if total not in table.focal:
+        table.use_focal(np.append(table.focal, total).astype(np.uint32))
+    known_nothing: BoolArray = table.focal == total
+    return np.where(table.focal == total, 1.0, 0.0)[None, :].repeat(n, axis=0)

@@ -1,0 +1,66 @@
+"""What a scan does to the hypotheses it finds: predicted to its time, updated by its detections."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gda_tracker.kinematics.gaussian_filters import predict, update
+from gda_tracker.kinematics.motion_models import constant_velocity
+from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
+from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.vocabulary.arrays import BoolArray, Int32Array
+from gda_tracker.vocabulary.beliefs import AttributeScores
+from gda_tracker.vocabulary.scans import Scan
+
+
+def predict_states(
+    table: HypothesisTable, dt_s: float, parameters: TrackManagerParameters
+) -> HypothesisTable:
+    """Return the hypotheses ``dt_s`` [s] later; the table given stays as it is."""
+    if not len(table) or dt_s == 0.0:
+        return table
+    transition, noise = constant_velocity(dt_s, parameters.process_noise_std_mps2)
+    predicted = table.copy()
+    predicted.mean, predicted.covariance = predict(table.mean, table.covariance, transition, noise)
+    return predicted
+
+
+def update_states(table: HypothesisTable, scan: Scan, assigned: Int32Array) -> None:
+    """Update the state of each hypothesis with the detection it is assigned.
+
+    ``assigned`` (H,) is a row of the scan, or -1 for a hypothesis that stays as it was predicted.
+    """
+    rows = np.flatnonzero(assigned >= 0)
+    if not len(rows):
+        return
+    innovation = innovations(
+        polar_measurements(scan), table.mean[rows], table.covariance[rows], assigned[rows]
+    )
+    mean, covariance = table.mean.copy(), table.covariance.copy()
+    mean[rows], covariance[rows] = update(table.mean[rows], table.covariance[rows], innovation)
+    table.mean, table.covariance = mean, covariance
+
+
+def update_beliefs(table: HypothesisTable, scores: AttributeScores, chosen: BoolArray) -> None:
+    """Give each hypothesis with a detection the candidate belief of its pair.
+
+    ``chosen`` (P,) marks the pairs of the scores that were decided for.
+    """
+    pairs = np.flatnonzero(chosen)
+    if not len(pairs):
+        return
+    rows = scores.hypothesis[pairs]
+    if scores.masses.shape[1]:
+        table.use_focal(scores.focal)
+        masses = table.masses.copy()
+        masses[rows] = 0.0
+        masses[rows, : len(scores.focal)] = scores.masses[pairs]
+        table.masses = masses
+    if scores.class_probability.shape[1]:
+        beliefs = table.class_probability.copy()
+        beliefs[rows] = scores.class_probability[pairs]
+        table.class_probability = beliefs
+    conflict = table.conflict.copy()
+    conflict[rows] = scores.conflict[pairs]
+    table.conflict = conflict
