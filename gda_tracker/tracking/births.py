@@ -124,5 +124,4 @@ def _ignorance(n: int, table: HypothesisTable) -> FloatArray:
     total = np.uint32((1 << ((1 << len(table.frame)) - 1)) - 1)
     if total not in table.focal:
         table.use_focal(np.append(table.focal, total).astype(np.uint32))
-    known_nothing: BoolArray = table.focal == total
     return np.where(table.focal == total, 1.0, 0.0)[None, :].repeat(n, axis=0)
