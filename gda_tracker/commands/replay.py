@@ -132,10 +132,21 @@ def _offline(play: Playback, parameters: Parameters) -> Answers:
     answers: Answers = []
     with progress_bar(len(play.detections), "scans") as bar:
         for detections in play.detections:
-            result = ring.process(detections)
-            answers.append((result.report, result.tracks))
+            answers += [(result.report, result.tracks) for result in ring.feed(detections)]
             bar(len(answers))
+        answers += [(result.report, result.tracks) for result in ring.finish()]
+        bar(len(answers))
     return answers
+
+
+def _credits(play: Playback, parameters: Parameters) -> int:
+    """How many scans must be on the way so that the reorder window never holds them all."""
+    manager = stage_parameters(parameters)["track_manager"]
+    if not manager.reorder_window_s:
+        return 1
+    stamps = np.sort([detections.stamp_ns for detections in play.detections])
+    newer = np.searchsorted(stamps, stamps + round(manager.reorder_window_s * 1e9), side="right")
+    return int(min((newer - np.arange(len(stamps))).max() + 2, manager.queue_depth))
 
 
 def _through_the_nodes(play: Playback, parameters: Parameters, args: argparse.Namespace) -> Answers:
@@ -146,7 +157,8 @@ def _through_the_nodes(play: Playback, parameters: Parameters, args: argparse.Na
     use_environment(environment)
 
     def make(**options: object) -> list[object]:
-        source = ScanSourceNode({"rate": args.rate}, plays=[play], collect=True, **options)
+        settings = {"rate": args.rate, "credits": _credits(play, parameters)}
+        source = ScanSourceNode(settings, plays=[play], collect=True, **options)
         if not args.bag:
             return [source]
         from gda_tracker.nodes.recorder import RecorderNode

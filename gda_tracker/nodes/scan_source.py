@@ -54,7 +54,11 @@ class ScanSourceParameters:
         live=False,
     )
     credits: int = parameter(
-        1, "scans that may be unanswered; below the tracker's queue_depth", minimum=1, live=False
+        1,
+        "scans that may be unanswered; below the tracker's queue_depth, above what its "
+        "reorder_window_s holds",
+        minimum=1,
+        live=False,
     )
     resend_period_s: float = parameter(
         1.0, "an unanswered scan is sent again after", unit="s", minimum=0.1, live=False

@@ -247,10 +247,15 @@ class TrackManagerNode(RingNode):
 
     def _watch(self) -> None:
         """Send an open scan again, degrade it, or give it up, as the parameters say."""
-        opened = self.manager.opened
-        if opened is None or not self.active or self._open_messages is None:
-            return
         now, p = self.seconds(), self.parameters
+        if not self.active:
+            return
+        if p.reorder_timeout_s:
+            self.manager.release(now - p.reorder_timeout_s)
+        self._advance()  # what a timeout or a parameter has released
+        opened = self.manager.opened
+        if opened is None or self._open_messages is None:
+            return
         age = now - self._opened_at
         if p.scan_timeout_s and age >= p.scan_timeout_s:
             self.get_logger().warning("scan given up: no answer from the stages")

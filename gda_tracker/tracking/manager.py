@@ -11,6 +11,7 @@ Between scans the state is at rest; :mod:`gda_tracker.tracking.checkpoint` write
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import replace
 
@@ -31,7 +32,7 @@ from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.predictions import predictions_of
 from gda_tracker.tracking.state_update import predict_states, update_beliefs, update_states
-from gda_tracker.tracking.waiting_room import WaitingRoom
+from gda_tracker.tracking.waiting_room import ReorderWindow, WaitingRoom
 from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
@@ -126,9 +127,20 @@ class TrackManager:
     @property
     def ready(self) -> bool:
         """Whether :meth:`open` has a scan to open."""
-        if self.opened is not None or not len(self._room):
+        p = self._next_parameters or self.parameters
+        order = ReorderWindow(
+            round(p.reorder_window_s * 1e9), tuple(p.reorder_sensors), p.queue_depth
+        )
+        if self.opened is not None or not self._room.ripe(order):
             return False
         return self.parameters.initiation != "labelled" or self.state.initialised_from is not None
+
+    def release(self, admitted_until: float = math.inf) -> bool:
+        """Let scans wait no longer for earlier ones: those admitted until then, or all.
+
+        For the end of a recording, and for sensors that fall silent. Returns whether there are any.
+        """
+        return self._room.release(admitted_until)
 
     def set_parameters(self, parameters: TrackManagerParameters) -> None:
         """Change parameters at the next scan boundary."""

@@ -168,6 +168,27 @@ class TrackManagerParameters:
         minimum=0.0,
         advanced=True,
     )
+    reorder_window_s: float = parameter(
+        0.0,
+        "a scan waits until one newer by this has come, so that scans of several sensors that "
+        "arrive out of order are worked off in order; 0: each is taken as it comes",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
+    reorder_sensors: list[str] = parameter(
+        [],
+        "sensor ids that send regularly: a scan waits no longer once each has sent one at least "
+        "as new; only with a reorder_window_s",
+        advanced=True,
+    )
+    reorder_timeout_s: float = parameter(
+        1.0,
+        "a scan waits for newer ones no longer than this on the clock on the wall; 0: for ever",
+        unit="s",
+        minimum=0.0,
+        advanced=True,
+    )
     queue_depth: int = parameter(
         100, "scans that may wait", minimum=1, maximum=10_000, live=False, advanced=True
     )
@@ -223,6 +244,16 @@ class TrackManagerParameters:
             raise ParameterError(
                 f"parameter confirmation_hits = {self.confirmation_hits}: allowed is at most "
                 f"confirmation_scans = {self.confirmation_scans}"
+            )
+        if self.reorder_window_s > self.time_jump_s:
+            raise ParameterError(
+                f"parameter reorder_window_s = {self.reorder_window_s}: allowed is at most "
+                f"time_jump_s = {self.time_jump_s}"
+            )
+        if self.reorder_sensors and not self.reorder_window_s:
+            raise ParameterError(
+                f"parameter reorder_sensors = {self.reorder_sensors}: allowed only with a "
+                "reorder_window_s above 0, after which a silent sensor is not waited for"
             )
         if self.detections_depth < self.queue_depth:
             raise ParameterError(

@@ -121,16 +121,51 @@ class Ring:
     def process(self, detections: Detections, prepared: Prepared | None = None) -> RingResult:
         """Take one scan round the ring.
 
-        ``prepared`` comes from :meth:`prepare` of a ring with the same door and fuzzifier.
+        ``prepared`` comes from :meth:`prepare` of a ring with the same door and fuzzifier. With a
+        reorder window the scan that is answered may be an earlier one, or none: use :meth:`feed`.
+
+        Raises
+        ------
+        RuntimeError
+            If not exactly this scan was answered.
+        """
+        results = self.feed(detections, prepared)
+        if len(results) != 1 or results[0].report.key[1:] != (
+            detections.sensor_id,
+            detections.stamp_ns,
+        ):
+            raise RuntimeError(
+                "the scan waits for initial tracks or in the reorder window: use feed()"
+            )
+        return results[0]
+
+    def feed(self, detections: Detections, prepared: Prepared | None = None) -> list[RingResult]:
+        """Admit a scan, and take round the ring what needs to wait no longer; return the answers.
+
+        ``prepared`` is for rings without a reorder window.
         """
         validated = None if prepared is None else prepared.validated
         answer = self.manager.admit(detections, validated=validated)
         if answer is not None:
             tracks = self.manager.tracks() if answer.repeated else None
-            return RingResult(answer, tracks)
+            return [RingResult(answer, tracks)]
+        return self._work_off(None if prepared is None else prepared.evidence)
+
+    def finish(self) -> list[RingResult]:
+        """Take round the ring what waits in the reorder window: the recording has ended."""
+        self.manager.release()
+        return self._work_off(None)
+
+    def _work_off(self, evidence: Evidence | None) -> list[RingResult]:
+        results = []
+        while self.manager.ready:
+            results.append(self._once_round(evidence))
+        return results
+
+    def _once_round(self, prepared: Evidence | None) -> RingResult:
         opened = self.manager.open()
         scan, predictions = opened.scan, opened.predictions
-        evidence = self.fuzzifier(scan) if prepared is None else prepared.evidence
+        evidence = prepared or self.fuzzifier(scan)
         pairs = gate(scan, predictions)
         scores = self.fusion(predictions, evidence, pairs.hypothesis, pairs.detection)
         associations = self.associate(scan, predictions, scores, pairs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
@@ -24,6 +25,20 @@ class Waiting:
     counts: Counter[str] = field(compare=False)
 
 
+@dataclass(frozen=True)
+class ReorderWindow:
+    """How long a scan waits for earlier ones that may still be on their way.
+
+    A scan is ripe when a scan ``window_ns`` newer has come, or one at least as new from each of
+    ``sensors``, if any are named. It is all measurement time, so the order in which scans are
+    opened does not depend on how they travelled, as long as they are late by less than the window.
+    """
+
+    window_ns: int = 0
+    sensors: tuple[str, ...] = ()
+    capacity: int = 100
+
+
 class WaitingRoom:
     """A bounded queue of admitted scans in time order.
 
@@ -40,6 +55,9 @@ class WaitingRoom:
         # Stamp of the scan opened last, and the sensors whose scans of that stamp were opened.
         self._opened_ns: int | None = None
         self._opened_sensors: tuple[str, ...] = ()
+        # Newest stamp by sensor, and the stamp up to which scans have waited long enough.
+        self._newest_of: dict[str, int] = {}
+        self._released: tuple[int, int] | None = None
 
     def __len__(self) -> int:
         return len(self._queue)
@@ -57,6 +75,31 @@ class WaitingRoom:
                 arrival = next(self._arrivals)
                 self._push(replace(waiting, generation=self.generation, arrival=arrival))
         return len(other) - (len(self) - before)
+
+    def ripe(self, order: ReorderWindow) -> bool:
+        """Whether the earliest scan may be opened."""
+        if not self._queue:
+            return False
+        head = self._queue[0]
+        if order.window_ns == 0 or len(self._queue) >= order.capacity:
+            return True
+        if head.generation != self.generation:
+            return True  # nothing of the former time axis comes any more
+        if self._released is not None and (head.generation, head.stamp_ns) <= self._released:
+            return True
+        assert self.newest_ns is not None
+        if self.newest_ns - head.stamp_ns >= order.window_ns:
+            return True
+        newest = self._newest_of
+        return bool(order.sensors) and all(
+            sensor in newest and newest[sensor] >= head.stamp_ns for sensor in order.sensors
+        )
+
+    def release(self, admitted_until: float = math.inf) -> bool:
+        """Make ripe what was admitted until then, with all that is earlier; say whether any is."""
+        found = [(w.generation, w.stamp_ns) for w in self._queue if w.admitted_at <= admitted_until]
+        self._released = max(found, default=None)
+        return bool(found)
 
     def holds(self, sensor_id: str, stamp_ns: int) -> bool:
         """Whether a scan of this sensor and stamp waits already."""
@@ -87,6 +130,7 @@ class WaitingRoom:
         if generation != self.generation:
             self.generation, self.newest_ns = generation, None
             self._opened_ns, self._opened_sensors = None, ()
+            self._newest_of = {}
         arrival = next(self._arrivals)
         self._push(
             Waiting(generation, scan.key.stamp_ns, arrival, scan, admitted_at, received, counts)
@@ -95,6 +139,8 @@ class WaitingRoom:
     def _push(self, waiting: Waiting) -> None:
         stamp_ns = waiting.stamp_ns
         self.newest_ns = stamp_ns if self.newest_ns is None else max(self.newest_ns, stamp_ns)
+        sensor_id = waiting.scan.key.sensor_id
+        self._newest_of[sensor_id] = max(self._newest_of.get(sensor_id, stamp_ns), stamp_ns)
         heapq.heappush(self._queue, waiting)
 
     def take(self) -> Waiting:

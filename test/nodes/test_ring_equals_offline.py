@@ -15,11 +15,13 @@ from graph_helpers import (
     play_in_processes,
     scenario_plays,
 )
+from rclpy.parameter import Parameter
 
-from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses
+from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses, stage_nodes
 from gda_tracker.nodes.scan_source import ScanSourceNode
 from gda_tracker.resources import resource
 from gda_tracker.simulation.playback import Playback
+from gda_tracker.tracking.ring import Ring
 
 METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "gda/dempster/cv", "gda/pcr5/cv", "map/bayes/cv")
 
@@ -66,6 +68,56 @@ def test_four_classes_and_further_attributes(environment, domain, monkeypatch):
     assert len(last) >= 3
     played = play_in_processes(plays, parameters, environment)
     assert differences(played.tracks, expected) == []
+    played = play_in_one_process(plays, parameters, domain)
+    assert differences(played.tracks, expected) == []
+
+
+def test_scans_of_two_sensors_that_arrive_out_of_order(domain):
+    """The reorder window puts them in order, and ends when the parameter says so."""
+    plays, parameters = scenario_plays("crossing_targets", "map/bayes/cv")
+    item = plays[0]
+    parameters["track_manager"]["reorder_window_s"] = 12.0
+    parameters["track_manager"]["time_jump_s"] = 60.0
+    parameters["track_manager"]["reorder_timeout_s"] = 0.0
+    for k, detections in enumerate(item.detections):
+        detections.sensor_id = ("east", "west")[k % 2]
+    expected = offline(
+        [item],
+        {**parameters, "track_manager": {**parameters["track_manager"], "reorder_window_s": 0.0}},
+    )
+    # Each scan of the second sensor comes after two that are newer.
+    delay = [2.5 if d.sensor_id == "west" else 0.0 for d in item.detections]
+    order = sorted(range(len(delay)), key=lambda k: k + delay[k])
+    item.detections = [item.detections[k] for k in order]
+    assert [d.stamp_ns for d in item.detections] != sorted(d.stamp_ns for d in item.detections)
+    item.truth = None
+    ring = Ring(parameters)
+    ring.initialise(item.initial)
+    before = sum(len(ring.feed(detections)) for detections in item.detections)
+    assert 0 < before < len(order)
+    with Nodes(
+        lambda **o: [
+            ScanSourceNode({"credits": 8}, plays=plays, collect=True, **o),
+            *stage_nodes(parameters, **o),
+        ],
+        domain,
+    ) as nodes:
+        source = nodes.nodes[0]
+        assert nodes.spin_until(lambda: source.progress.answered == before, TIMEOUT_S)
+        manager = next(node for node in nodes.nodes if node.get_name() == "track_manager")
+        manager.set_parameters([Parameter("reorder_window_s", value=0.0)])
+        played = play(nodes, source)
+    assert differences(played.tracks, expected) == []
+    assert {r.outcome for r in played.reports} == {"tracked"}
+    assert [r.key.stamp_ns for r in played.reports] == sorted(k[1] for k in expected)
+
+
+def test_a_scan_that_nothing_newer_follows_waits_no_longer_than_the_timeout(domain):
+    plays, parameters = scenario_plays("crossing_targets", "map/bayes/cv")
+    plays[0].detections, plays[0].truth = plays[0].detections[:4], None
+    expected = offline(plays, parameters)
+    parameters["track_manager"]["reorder_window_s"] = 7.0
+    parameters["track_manager"]["reorder_timeout_s"] = 0.3
     played = play_in_one_process(plays, parameters, domain)
     assert differences(played.tracks, expected) == []
 
