@@ -139,7 +139,7 @@ def _offline(play: Playback, parameters: Parameters) -> Answers:
     return answers
 
 
-def _credits(play: Playback, parameters: Parameters) -> int:
+def credits_needed(play: Playback, parameters: Parameters) -> int:
     """How many scans must be on the way so that the reorder window never holds them all."""
     manager = stage_parameters(parameters)["track_manager"]
     if not manager.reorder_window_s:
@@ -157,7 +157,7 @@ def _through_the_nodes(play: Playback, parameters: Parameters, args: argparse.Na
     use_environment(environment)
 
     def make(**options: object) -> list[object]:
-        settings = {"rate": args.rate, "credits": _credits(play, parameters)}
+        settings = {"rate": args.rate, "credits": credits_needed(play, parameters)}
         source = ScanSourceNode(settings, plays=[play], collect=True, **options)
         if not args.bag:
             return [source]

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from gda_tracker.cli import COMMANDS, main
+from gda_tracker.commands.replay import credits_needed
 from gda_tracker.io.adapters import load_recording
 from gda_tracker.io.parameter_files import parameter_yaml
 from gda_tracker.resources import resource
+from gda_tracker.simulation.playback import of_recording
 from gda_tracker.tracking.ring import STAGE_TABLES, Ring
 
 BOATS = resource("data", "autoferry", "scenario16")
@@ -75,6 +77,32 @@ def test_replay_takes_a_parameter_file_in_place_of_the_preset(tmp_path, capsys):
     path.write_text(parameter_yaml(STAGE_TABLES, False, {"track_manager": {"max_speed_mps": 1e-3}}))
     assert run("replay", BOATS, "--offline", "--params", path, "--method", "gda/none/cv") == 0
     assert str(path) in capsys.readouterr().out
+
+
+REORDER = {"track_manager": {"reorder_window_s": 6.0, "time_jump_s": 60.0}}
+
+
+def test_replay_with_a_reorder_window_answers_every_scan(tmp_path, capsys):
+    path = tmp_path / "mine.yaml"
+    path.write_text(parameter_yaml(STAGE_TABLES, False, REORDER))
+    assert run("replay", BOATS, "--offline", "--params", path) == 0
+    assert "scans: 72 tracked" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_the_source_has_credit_for_all_scans_that_the_reorder_window_holds(shuffled):
+    recording = load_recording(BOATS)
+    if shuffled:
+        place = np.argsort(np.arange(72) + np.random.default_rng(1).uniform(0.0, 2.0, 72))
+        recording.detections = [recording.detections[k] for k in place]
+    play = of_recording(recording)
+    assert credits_needed(play, {}) == 1
+    credits = credits_needed(play, REORDER)
+    ring, answered = Ring(REORDER), 0
+    for sent, detections in enumerate(play.detections):
+        assert sent - answered < credits
+        answered += len(ring.feed(detections))
+    assert answered > 60
 
 
 def test_replay_of_a_scenario(capsys):
