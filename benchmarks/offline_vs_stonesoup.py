@@ -1,4 +1,4 @@
-"""Speed offline: CPU time per scan of the ring and of Stone Soup's GNN on the same scene.
+"""Speed offline: CPU time per scan of the ring and of Stone Soup on the same scene.
 
 Each run is a process of its own with one thread; gda_tracker runs before and after the peer, so
 that a change of the machine's load shows. The scene is written to a ``scan_npz`` file that both
@@ -33,6 +33,8 @@ from gda_tracker.vocabulary.tracks import Tracks
 TARGETS = (10, 50, 100, 200)
 METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "map/bayes/cv")
 GNN, GNN_KDTREE = "Stone Soup GNN", "Stone Soup GNN, k-d tree"
+JPDA_KDTREE = "Stone Soup JPDA, EHM2, k-d tree"
+PEERS = (GNN, GNN_KDTREE, JPDA_KDTREE)
 
 # The same for both: what is known of the scene, and the life of a track.
 PROCESS_NOISE = 100.0  # m2/s3
@@ -49,8 +51,8 @@ def run(tracker: str, scene: str) -> dict[str, Any]:
     """Run one tracker over a scene file: CPU times and scores."""
     recording = load_recording(scene, "scan_npz")
     assert recording.truth is not None
-    if tracker in (GNN, GNN_KDTREE):
-        tracks, cpu_s = _run_stonesoup(recording, KDTREE_DISTANCE if tracker == GNN_KDTREE else 0.0)
+    if tracker in PEERS:
+        tracks, cpu_s = _run_stonesoup(recording, tracker)
     else:
         tracks, cpu_s = _run_ring(recording, tracker)
     return {
@@ -88,9 +90,7 @@ def _run_ring(recording: Recording, method: str) -> tuple[list[Tracks], list[flo
     return tracks, cpu_s
 
 
-def _run_stonesoup(
-    recording: Recording, kdtree_distance: float
-) -> tuple[list[Tracks], list[float]]:
+def _run_stonesoup(recording: Recording, tracker: str) -> tuple[list[Tracks], list[float]]:
     range_std, azimuth_std = (
         recording.detections[0].range_std_m,
         recording.detections[0].azimuth_std_rad,
@@ -106,7 +106,10 @@ def _run_stonesoup(
         minimum_points=CONFIRMATION_HITS,
         tentative_deletion_misses=TENTATIVE_DELETION_MISSES,
         deletion_misses=DELETION_MISSES,
-        kdtree_distance=kdtree_distance,
+        kdtree_distance=0.0 if tracker == GNN else KDTREE_DISTANCE,
+        joint_probabilities=tracker == JPDA_KDTREE,
+        detection_probability=recording.preset["track_manager"]["detection_probability"],
+        clutter_density=recording.preset["track_manager"]["clutter_density_per_m_rad"],
     )
     return stonesoup_peer.track(recording.detections, settings)
 
@@ -141,7 +144,7 @@ def row(result: dict[str, Any]) -> list[Any]:
         result["tracker"],
         result["targets"],
         round(result["cpu_ms_per_scan"], 2),
-        *(result.get(f"faster_than {peer}") for peer in (GNN, GNN_KDTREE)),
+        *(result.get(f"faster_than {peer}") for peer in PEERS),
         *(round(result[name], 1) for name in ("ospa_m", "rmse_m")),
         *(round(result[name], 2) for name in ("missed_percent", "false_percent")),
         result["switches"],
@@ -167,18 +170,30 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--json", type=Path, default=RESULTS / "offline_vs_stonesoup.json")
     a = parser.parse_args(arguments)
-    columns = ["tracker", "targets", "cpu_ms/scan", "x GNN", "x k-d tree", "ospa_m", "error_m"]
+    columns = [
+        "tracker",
+        "targets",
+        "cpu_ms/scan",
+        "x GNN",
+        "x k-d tree",
+        "x JPDA",
+        "ospa_m",
+        "error_m",
+    ]
     columns += ["missed_%", "false_%", "switches", "flips"]
     results: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:
         for n in a.targets:
             scene = SceneParameters(n, n / 2, a.seed, a.scans)
             path = save_scene(Path(folder) / f"targets_{n}.npz", scene)
-            peers = [GNN, GNN_KDTREE] if stonesoup_peer.available() and n <= a.peer_limit else []
+            peers = list(PEERS) if stonesoup_peer.available() and n <= a.peer_limit else []
             results += compare(n, str(path), a.method or list(METHODS), peers)
             print(table(columns, [row(r) for r in results if r["targets"] == n]), flush=True)
             print()
-    print("x GNN, x k-d tree: how many times less CPU time than Stone Soup.")
+    print(
+        "x GNN, x k-d tree, x JPDA: how many times less CPU time than Stone Soup's GNN, its GNN "
+        "with k-d tree, its JPDA with EHM2 and k-d tree."
+    )
     if not stonesoup_peer.available():
         print(stonesoup_peer.INSTALL)
     settings = {"seed": a.seed, "scans": a.scans, "clutter": "targets / 2", "results": results}

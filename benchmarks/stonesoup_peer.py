@@ -1,7 +1,8 @@
-"""Stone Soup's GNN tracker on our scans: the peer that benchmarks compare with.
+"""Stone Soup's trackers on our scans: the peer that benchmarks compare with.
 
 Extended Kalman filter with nearly constant velocity, polar measurements of a sensor that may move,
-Mahalanobis gate, global nearest neighbour by 2-D assignment, initiation from several detections
+Mahalanobis gate, global nearest neighbour by 2-D assignment or joint probabilistic data association
+(efficient hypothesis management, EHM2), initiation from several detections by nearest neighbour
 (https://stonesoup.readthedocs.io). Stone Soup is imported when a tracker is built, nowhere else.
 """
 
@@ -42,7 +43,8 @@ class PeerSettings:
     is what a new track knows of its speed. ``gate_probability`` sets the gate, which is also the
     cost of a missed detection. ``minimum_points`` confirm a track. With ``kdtree_distance`` > 0 a
     k-d tree offers only the detections within that distance in (azimuth [rad], range [m]), so in
-    effect in range.
+    effect in range. ``joint_probabilities`` takes JPDA in place of the GNN; it needs the detection
+    probability and the clutter density [1/(m rad)].
     """
 
     range_std_m: float
@@ -54,6 +56,9 @@ class PeerSettings:
     tentative_deletion_misses: int = 2
     deletion_misses: int = 4
     kdtree_distance: float = 0.0
+    joint_probabilities: bool = False
+    detection_probability: float = 0.9
+    clutter_density: float = 0.0
 
 
 def track(
@@ -111,7 +116,7 @@ def _tracker(scans: Iterator[Any], settings: PeerSettings) -> Any:
         ConstantVelocity,
     )
     from stonesoup.predictor.kalman import ExtendedKalmanPredictor
-    from stonesoup.tracker.simple import MultiTargetTracker
+    from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
     from stonesoup.types.state import GaussianState
     from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
@@ -142,12 +147,35 @@ def _tracker(scans: Iterator[Any], settings: PeerSettings) -> Any:
         updater=updater,
         min_points=settings.minimum_points,
     )
-    return MultiTargetTracker(
-        initiator=initiator,
-        deleter=UpdateTimeStepsDeleter(settings.deletion_misses),
-        detector=scans,
-        data_associator=associator(),
-        updater=updater,
+    parts = {
+        "initiator": initiator,
+        "deleter": UpdateTimeStepsDeleter(settings.deletion_misses),
+        "detector": scans,
+        "updater": updater,
+    }
+    if not settings.joint_probabilities:
+        return MultiTargetTracker(data_associator=associator(), **parts)
+    associations = _joint_probabilities(predictor, updater, settings)
+    return MultiTargetMixtureTracker(data_associator=associations, **parts)
+
+
+def _joint_probabilities(predictor: Any, updater: Any, settings: PeerSettings) -> Any:
+    from stonesoup.dataassociator.probability import JPDAwithEHM2
+    from stonesoup.dataassociator.tree import DetectionKDTreeMixIn
+    from stonesoup.hypothesiser.probability import PDAHypothesiser
+
+    hypothesiser = PDAHypothesiser(
+        predictor,
+        updater,
+        clutter_spatial_density=settings.clutter_density,
+        prob_detect=settings.detection_probability,
+        prob_gate=settings.gate_probability,
+    )
+    if not settings.kdtree_distance:
+        return JPDAwithEHM2(hypothesiser)
+    with_tree = type("KDTreeJPDAwithEHM2", (DetectionKDTreeMixIn, JPDAwithEHM2), {})
+    return with_tree(
+        hypothesiser, predictor=predictor, updater=updater, max_distance=settings.kdtree_distance
     )
 
 
