@@ -10,15 +10,27 @@ from gda_tracker.evaluation.figures.attributes import (
     pignistic_entropies,
 )
 from gda_tracker.evaluation.figures.canvas import MissingPlotLibraryError, png, require_matplotlib
+from gda_tracker.evaluation.figures.flow import (
+    candidate_histories,
+    fuzzy_reading,
+    gate_outlines,
+    gated_maps,
+    pair_tables,
+)
 from gda_tracker.evaluation.figures.maps import association_maps, track_map
 from gda_tracker.evaluation.figures.scores import latency_histograms, paired_purity
 
 __all__ = [
     "MissingPlotLibraryError",
     "association_maps",
+    "candidate_histories",
     "class_beliefs",
+    "fuzzy_reading",
+    "gate_outlines",
+    "gated_maps",
     "latency_histograms",
     "membership_functions",
+    "pair_tables",
     "paired_purity",
     "pignistic_entropies",
     "png",
