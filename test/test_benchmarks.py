@@ -7,12 +7,19 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks import joint
 from benchmarks.autoferry_vs_stonesoup import Setting, best, grid, objective
 from benchmarks.measuring import table, write_results
 from benchmarks.ring_latency import WARM_UP_SCANS, warm
 from benchmarks.scenarios import SceneParameters, make_scene, save_scene
 from benchmarks.scoring import ospa_m, score_recording, score_scene
 from benchmarks.stage_times import StageTimes
+from gda_tracker.association.choices import (
+    FRONTIER_DYNAMIC_PROGRAMMING,
+    LOOPY_BELIEF_PROPAGATION,
+    SUBSET_DYNAMIC_PROGRAMMING,
+)
+from gda_tracker.association.clustering import find_clusters
 from gda_tracker.io.adapters.scan_npz import load
 from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary.scans import ScanKey, ScanTruth
@@ -172,6 +179,34 @@ def test_recording_scores_are_within_the_match_distance():
     assert score["completeness"] == {"0": 1.0, "1": 0.0}
     assert score["rmse_m"] == pytest.approx(24.0)
     assert score["tracks"] == 2
+
+
+# --- joint probabilities --------------------------------------------------------------------------
+
+
+def test_the_joint_benchmark_runs_and_names_the_engines(tmp_path, capsys):
+    path = tmp_path / "joint.json"
+    joint.main(["--repeats", "1", "--out", str(path)])
+    printed = capsys.readouterr().out
+    cases = {case["case"]: case for case in json.loads(path.read_text())["cases"]}
+    assert list(cases) == [case.name for case in joint.CASES]
+    for name, case in cases.items():
+        dense = name.startswith("dense") or name == "200 tracks in clumps of 4 to 8"
+        engine = SUBSET_DYNAMIC_PROGRAMMING if dense else FRONTIER_DYNAMIC_PROGRAMMING
+        assert case["engines"] == [engine]
+        assert case["loopy_engines"] == [LOOPY_BELIEF_PROPAGATION]
+        assert 0.0 <= case["loopy_mean_error"] <= case["loopy_largest_error"] < 0.5
+    assert all(name in printed for name in cases)
+
+
+def test_the_clumps_have_the_sizes_they_are_named_for():
+    apart, linked = (joint.clumps(200, linked) for linked in (False, True))
+    sizes = [len(list(group)) for _, group in itertools.groupby(apart.tolist())]
+    assert sum(sizes) == 200
+    assert set(sizes[:-1]) <= {4, 5, 6, 7, 8}
+    for gate, count in ((apart, len(sizes)), (linked, 1)):
+        pairs = (index.astype(np.int32) for index in np.nonzero(gate))
+        assert len(find_clusters(*pairs, 200, 200)) == count
 
 
 # --- choice of settings, warm-up, output ----------------------------------------------------------

@@ -38,9 +38,11 @@ class AssociationParameters:
     """Parameters of the association stage. What may change per scan travels in ``Predictions``."""
 
     max_exact_size: int = parameter(
-        12,
-        "clusters whose smaller side (tracks or detections) is larger are approximated by loopy "
-        "belief propagation; each step up doubles the time of the exact answer",
+        14,
+        "bound on the cost of exact joint probabilities: clusters whose smaller side (tracks or "
+        "detections) is larger are approximated by loopy belief propagation, unless their gates "
+        "are so sparse that the exact answer takes no more operations than for a dense cluster of "
+        "this size; each step up doubles the time",
         minimum=1,
         maximum=MAX_ELEMENTS,
     )

@@ -13,6 +13,11 @@ pairs, as printed; only the empty hypothesis weighs nothing.
 """
 
 SUBSET_DYNAMIC_PROGRAMMING = "subset_dynamic_programming"
+FRONTIER_DYNAMIC_PROGRAMMING = "frontier_dynamic_programming"
 LOOPY_BELIEF_PROPAGATION = "loopy_belief_propagation"
-ENGINES = (SUBSET_DYNAMIC_PROGRAMMING, LOOPY_BELIEF_PROPAGATION)
-"""Engines that compute joint marginals: exact, and the approximation beyond ``max_exact_size``."""
+ENGINES = (
+    SUBSET_DYNAMIC_PROGRAMMING,
+    FRONTIER_DYNAMIC_PROGRAMMING,
+    LOOPY_BELIEF_PROPAGATION,
+)
+"""Engines that compute joint marginals: two exact ones, and the approximation beyond."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +10,14 @@ import numpy as np
 from gda_tracker.association.belief_propagation import loopy_marginals
 from gda_tracker.association.choices import (
     ENGINES,
-    LOOPY_BELIEF_PROPAGATION,
+    FRONTIER_DYNAMIC_PROGRAMMING,
     SUBSET_DYNAMIC_PROGRAMMING,
 )
 from gda_tracker.association.clustering import ClusterGroup, Clusters
+from gda_tracker.association.elimination import Elimination
+from gda_tracker.association.engine_choice import MAX_KEPT_ENTRIES, always_subsets, choose_engine
 from gda_tracker.association.errors import AssociationInputError, NoFeasibleHypothesis
+from gda_tracker.association.frontier import frontier_marginals, layers_of
 from gda_tracker.association.joint import bordered_marginals
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, IntArray
 
@@ -42,7 +45,7 @@ class JointWeights:
 class EngineLimits:
     """When the exact engine gives way, and when the loopy one gives up."""
 
-    max_exact_size: int = 12
+    max_exact_size: int = 14
     iterations: int = 200
     tolerance: float = 1e-6
 
@@ -64,8 +67,8 @@ def cluster_marginals(
 ) -> ClusterMarginals:
     """Marginal probability of every pair under each of Q weightings.
 
-    Clusters of one group, under all weightings, go through the exact engine together. A cluster
-    whose smaller side exceeds ``limits.max_exact_size`` goes through loopy belief propagation.
+    Clusters of one group, under all weightings, go through the subset engine together. Where that
+    is dear, the engine is chosen cluster by cluster (:func:`engine_choice.choose_engine`).
 
     Raises
     ------
@@ -80,20 +83,54 @@ def cluster_marginals(
         np.full(len(clusters), ENGINES.index(SUBSET_DYNAMIC_PROGRAMMING), dtype=np.int32),
         np.ones(len(clusters), dtype=np.bool_),
     )
-    for group in clusters.groups:
+    for group, engine, orders in _by_engine(clusters, least, limits):
         bordered = _bordered(group, log_pair, log_idle)
         bound = None if least is None else least[:, group.clusters]
-        if group.shape[2] <= limits.max_exact_size:
-            marginals, feasible = _exact(bordered, bound)
+        found.engine[group.clusters] = ENGINES.index(engine)
+        if engine == SUBSET_DYNAMIC_PROGRAMMING:
+            marginals, feasible = _by_subsets(bordered, bound)
+        elif engine == FRONTIER_DYNAMIC_PROGRAMMING:
+            marginals, feasible = _by_frontier(group, orders, bordered, bound)
         else:
             marginals, feasible, converged = _loopy(bordered, bound, limits)
-            found.engine[group.clusters] = ENGINES.index(LOOPY_BELIEF_PROPAGATION)
             found.converged[group.clusters] = converged
         found.marginals[:, group.pairs] = marginals[(slice(None), *group.place)]
         if not feasible.all():
             _check_weights(log_pair, log_idle)
             _fall_back(clusters, group, feasible, weightings, limits, found)
     return found
+
+
+def _by_engine(
+    clusters: Clusters, least: IntArray | None, limits: EngineLimits
+) -> Iterator[tuple[ClusterGroup, str, list[Elimination]]]:
+    """Groups of clusters that one engine answers; for the frontier engine with their orders."""
+    size = limits.max_exact_size
+    for group in clusters.groups:
+        batch, steps, elements = group.shape
+        if always_subsets(steps, elements, size):
+            yield group, SUBSET_DYNAMIC_PROGRAMMING, []
+            continue
+        slot, step, element = group.place
+        slots: dict[str, list[int]] = {}
+        orders = []
+        for index in range(batch):
+            mine = slot == index
+            number = group.clusters[index]
+            engine, order = choose_engine(
+                step[mine],
+                element[mine],
+                int(clusters.larger[number]),
+                int(clusters.smaller[number]),
+                size,
+                (0,) if least is None else least[:, number].tolist(),
+            )
+            slots.setdefault(engine, []).append(index)
+            if order is not None:
+                orders.append(order)
+        for engine, members in slots.items():
+            part = group if len(members) == batch else group.part(np.array(members))
+            yield part, engine, orders if engine == FRONTIER_DYNAMIC_PROGRAMMING else []
 
 
 def _least_assigned(weightings: Sequence[JointWeights], count: int) -> IntArray | None:
@@ -117,7 +154,7 @@ def _bordered(group: ClusterGroup, log_pair: FloatArray, log_idle: FloatArray) -
     return bordered
 
 
-def _exact(bordered: FloatArray, least: IntArray | None) -> tuple[FloatArray, BoolArray]:
+def _by_subsets(bordered: FloatArray, least: IntArray | None) -> tuple[FloatArray, BoolArray]:
     """Marginals (Q, B, S, K) and feasibility (Q, B) by subset dynamic programming."""
     layers, batch, rows, columns = bordered.shape
     answer = bordered_marginals(
@@ -126,6 +163,32 @@ def _exact(bordered: FloatArray, least: IntArray | None) -> tuple[FloatArray, Bo
     )
     marginals = answer.marginals.reshape(layers, batch, rows - 1, columns - 1)
     return marginals, answer.feasible.reshape(layers, batch)
+
+
+def _by_frontier(
+    group: ClusterGroup, orders: Sequence[Elimination], bordered: FloatArray, least: IntArray | None
+) -> tuple[FloatArray, BoolArray]:
+    """Marginals (Q, B, S, K) and feasibility (Q, B) by frontier dynamic programming."""
+    layers, batch, rows, columns = bordered.shape
+    marginals = np.zeros((layers, batch, rows - 1, columns - 1))
+    feasible = np.zeros((layers, batch), dtype=np.bool_)
+    slot, step, element = group.place
+    for index, order in enumerate(orders):
+        mine = slot == index
+        place = step[mine], element[mine]
+        steps, elements = int(place[0].max()) + 1, int(group.sizes[index])
+        kept = [*range(steps), rows - 1], [*range(elements), columns - 1]
+        weights = bordered[:, index][:, *np.ix_(*kept)]
+        bounds = np.zeros(layers, dtype=np.int64) if least is None else least[:, index]
+        for bound in np.unique(bounds):
+            same = (bounds == bound).nonzero()[0]
+            room = max(1, MAX_KEPT_ENTRIES // (order.memory * layers_of(int(bound), elements)))
+            for first in range(0, len(same), room):
+                chosen = same[first : first + room]
+                answer = frontier_marginals(order, *place, weights[chosen], int(bound))
+                marginals[(chosen[:, None], index, *place)] = answer.marginals
+                feasible[chosen, index] = answer.feasible
+    return marginals, feasible
 
 
 def _loopy(

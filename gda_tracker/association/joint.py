@@ -3,7 +3,8 @@
 A joint hypothesis gives every track at most one measurement and every measurement to at most one
 track. Its weight is the product of w_ij over its pairs, r_i over its idle tracks and c_j over its
 unassigned measurements (Tchamova et al. 2004, 14.4.1: w = P_d g, r = 1 - P_d, c = beta).
-Hypotheses are never enumerated: the cost is larger side x smaller side x 2^smaller side.
+Hypotheses are never enumerated: over subsets the cost is larger side x smaller side x 2^smaller
+side, and for sparse clusters over their open nodes (``frontier.py``) it is linear in their length.
 """
 
 from __future__ import annotations
@@ -15,13 +16,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gda_tracker.association.choices import LOOPY_BELIEF_PROPAGATION
+from gda_tracker.association.clustering import find_clusters
+from gda_tracker.association.engine_choice import always_subsets, choose_engine
 from gda_tracker.association.errors import ClusterTooLarge, NoFeasibleHypothesis
+from gda_tracker.association.frontier import frontier_marginals
 from gda_tracker.association.scaling import scale
 from gda_tracker.association.subsets import memory_elements, sweep, terminal_weights
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 MAX_ELEMENTS = 20
-"""Largest smaller side; about 0.2 GB and some seconds at 20 x 20."""
+"""Largest smaller side of a dense cluster; about 0.2 GB and some seconds at 20 x 20."""
 
 MAX_LOG_WEIGHT = 1e9
 """Largest finite log weight, by magnitude."""
@@ -64,7 +69,8 @@ def joint_marginals(
     NoFeasibleHypothesis
         If every joint hypothesis has weight zero.
     ClusterTooLarge
-        If the smaller side exceeds ``MAX_ELEMENTS``.
+        If the smaller side of a part without gates to others exceeds ``MAX_ELEMENTS``, and its
+        gates are not sparse enough either.
     ValueError
         For a wrong shape, NaN, +inf, or a finite log weight beyond ``MAX_LOG_WEIGHT``.
 
@@ -125,11 +131,9 @@ def joint_marginals_batch(
             log_weight.swapaxes(1, 2), log_idle_measurement, log_idle_track, least_assigned
         )
         return turned._replace(marginals=turned.marginals.swapaxes(1, 2))
-    bordered = np.zeros((batch, n + 1, m + 1))
-    bordered[:, :n, :m] = log_weight
-    bordered[:, :n, m] = log_idle_track
-    bordered[:, n, :m] = log_idle_measurement
-    return bordered_marginals(bordered, least_assigned)
+    return bordered_marginals(
+        _bordered(log_weight, log_idle_track, log_idle_measurement), least_assigned
+    )
 
 
 def bordered_marginals(
@@ -196,6 +200,18 @@ def hypothesis_count(n: int, m: int) -> int:
     return sum(math.comb(elements, s) * ways[s] for s in range(elements + 1))
 
 
+def _bordered(
+    log_weight: FloatArray, log_idle_track: FloatArray, log_idle_measurement: FloatArray
+) -> FloatArray:
+    """One array (B, n + 1, m + 1) as :func:`bordered_marginals` takes it; B = 1 without B."""
+    n, m = log_weight.shape[-2:]
+    bordered = np.zeros((*log_weight.shape[:-2], n + 1, m + 1))
+    bordered[..., :n, :m] = log_weight
+    bordered[..., :n, m] = log_idle_track
+    bordered[..., n, :m] = log_idle_measurement
+    return bordered.reshape(-1, n + 1, m + 1)
+
+
 def _single(
     log_weight: ArrayLike, log_idle_track: ArrayLike, log_idle_measurement: ArrayLike
 ) -> JointProbabilities:
@@ -209,20 +225,72 @@ def _single(
         raise ValueError(f"log_idle_track has shape {track.shape}: allowed is ({n},)")
     if measurement.shape != (m,):
         raise ValueError(f"log_idle_measurement has shape {measurement.shape}: allowed is ({m},)")
-    if min(n, m) > MAX_ELEMENTS:
-        raise ClusterTooLarge(
-            f"a cluster of {n} tracks and {m} measurements: for exact marginals the smaller side "
-            f"may have at most {MAX_ELEMENTS}"
-        )
     _check_values("log_weight", weight)
     _check_values("log_idle_track", track)
     _check_values("log_idle_measurement", measurement)
-    found = joint_marginals_batch(weight[None], track[None], measurement[None])
+    if always_subsets(max(n, m), min(n, m), MAX_ELEMENTS):
+        found = joint_marginals_batch(weight[None], track[None], measurement[None])
+    else:
+        found = _by_clusters(weight, track, measurement)
     if not found.feasible[0]:
         raise NoFeasibleHypothesis(
             f"every joint hypothesis of {n} tracks and {m} measurements has weight zero"
         )
     return found
+
+
+def _by_clusters(
+    weight: FloatArray, track: FloatArray, measurement: FloatArray
+) -> JointProbabilities:
+    """Answer the parts that share no gate one by one, each by the cheaper exact engine."""
+    rows, columns = np.nonzero(weight > -np.inf)
+    pair_cluster = find_clusters(
+        rows.astype(np.int32), columns.astype(np.int32), *weight.shape
+    ).pair_cluster
+    marginals = np.zeros((1, *weight.shape))
+    log_partition = (
+        np.delete(track, np.unique(rows)).sum() + np.delete(measurement, np.unique(columns)).sum()
+    )
+    for cluster in range(pair_cluster.max(initial=-1) + 1):
+        mine = pair_cluster == cluster
+        tracks, row = np.unique(rows[mine], return_inverse=True)
+        measurements, column = np.unique(columns[mine], return_inverse=True)
+        part = _one_cluster(
+            weight[np.ix_(tracks, measurements)],
+            track[tracks],
+            measurement[measurements],
+            row,
+            column,
+        )
+        marginals[0, rows[mine], columns[mine]] = part.marginals[0, row, column]
+        log_partition += part.log_partition[0]
+    feasible = log_partition > -np.inf
+    return JointProbabilities(
+        marginals if feasible else np.zeros_like(marginals),
+        np.array([log_partition]),
+        np.array([feasible]),
+    )
+
+
+def _one_cluster(
+    weight: FloatArray, track: FloatArray, measurement: FloatArray, row: IntArray, column: IntArray
+) -> JointProbabilities:
+    n, m = weight.shape
+    if m > n:
+        turned = _one_cluster(weight.T, measurement, track, column, row)
+        return turned._replace(marginals=turned.marginals.swapaxes(1, 2))
+    engine, order = choose_engine(row, column, n, m, MAX_ELEMENTS)
+    if engine == LOOPY_BELIEF_PROPAGATION:
+        raise ClusterTooLarge(
+            f"a cluster of {n} x {m} tracks and measurements: for exact marginals the smaller side "
+            f"may have at most {MAX_ELEMENTS} unless the gates are sparse"
+        )
+    if order is None:
+        return joint_marginals_batch(weight[None], track[None], measurement[None])
+    answer = frontier_marginals(order, row, column, _bordered(weight, track, measurement))
+    marginals = np.zeros((1, n, m))
+    marginals[0, row, column] = answer.marginals[0]
+    return JointProbabilities(marginals, answer.log_partition, answer.feasible)
 
 
 def _check_values(name: str, values: FloatArray) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gda_tracker.association.assignment import best_hypothesis
-from gda_tracker.vocabulary.arrays import FloatArray
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 
 LOG_SMALLEST = -650.0
 """A product above exp of this is a normal double, with room for the factor 1e17 of a sum."""
@@ -48,11 +48,7 @@ def scale(bordered: FloatArray) -> FloatArray:
         numbers = (bordered < np.inf).all(axis=(1, 2))  # False for NaN
         bordered[~numbers] = -np.inf
         bordered[:, steps, elements] = 0.0
-    rows = _on_grid(bordered[:, :steps].max(axis=2, initial=LOG_ZERO))
-    bordered[:, :steps] -= rows[:, :, None]
-    columns = _on_grid(bordered[:, :, :elements].max(axis=1, initial=LOG_ZERO))
-    bordered[:, :, :elements] -= columns[:, None, :]
-    taken += rows.sum(axis=1) + columns.sum(axis=1)
+    taken += _scale_by_maxima(bordered)
     # No factor exceeds 1 now; a hypothesis has one of each row and, at worst, all of the border.
     finite = np.where(bordered > -np.inf, bordered, 0.0)
     bound = finite[:, :steps].min(axis=2).sum(axis=1) + finite[:, steps].sum(axis=1)
@@ -60,11 +56,37 @@ def scale(bordered: FloatArray) -> FloatArray:
         potentials = dual_potentials(bordered[cluster])
         if potentials is None:
             continue
-        row, column = _on_grid(potentials[0]), _on_grid(potentials[1])
-        bordered[cluster, :steps] += row[:, None]
-        bordered[cluster, :, :elements] += column
-        taken[cluster] -= row.sum() + column.sum()
+        taken[cluster] += _add_potentials(bordered[cluster], *potentials)
     return taken
+
+
+def scale_by_duals(bordered: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Scale B clusters in place so that the heaviest joint hypothesis weighs 1, no weight more.
+
+    As :func:`scale`, but whatever the weights are: sums over a part of a large cluster then stay
+    near 1, too.
+
+    Returns
+    -------
+    taken : (B,)
+        Log factors that were taken out.
+    feasible : (B,)
+        False where no joint hypothesis has weight, for weights that are NaN or +inf as well. All
+        weights are zero there.
+    """
+    steps, elements = bordered.shape[1] - 1, bordered.shape[2] - 1
+    feasible: BoolArray = np.logical_and.reduce(bordered < np.inf, axis=(1, 2))  # not for NaN
+    bordered[~feasible] = -np.inf
+    taken = _scale_by_maxima(bordered)
+    for cluster in feasible.nonzero()[0]:
+        potentials = dual_potentials(bordered[cluster])
+        if potentials is None:
+            feasible[cluster] = False
+            bordered[cluster] = -np.inf
+            continue
+        taken[cluster] += _add_potentials(bordered[cluster], *potentials)
+    bordered[:, steps, elements] = 0.0
+    return taken, feasible
 
 
 def dual_potentials(bordered: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -106,6 +128,24 @@ def dual_potentials(bordered: FloatArray) -> tuple[FloatArray, FloatArray] | Non
     row_potential[row] = unknown[0] - unknown[1:]
     column_potential[column] = -gain - row_potential[row]
     return row_potential, column_potential
+
+
+def _scale_by_maxima(bordered: FloatArray) -> FloatArray:
+    """Divide every row, then every column, by its largest weight; log factors (B,) taken out."""
+    rows = _on_grid(bordered[:, :-1].max(axis=2, initial=LOG_ZERO))
+    bordered[:, :-1] -= rows[:, :, None]
+    columns = _on_grid(bordered[:, :, :-1].max(axis=1, initial=LOG_ZERO))
+    bordered[:, :, :-1] -= columns[:, None, :]
+    taken: FloatArray = rows.sum(axis=1) + columns.sum(axis=1)
+    return taken
+
+
+def _add_potentials(bordered: FloatArray, row: FloatArray, column: FloatArray) -> float:
+    """Add potentials to one cluster in place; the log factor taken out."""
+    row, column = _on_grid(row), _on_grid(column)
+    bordered[:-1] += row[:, None]
+    bordered[:, :-1] += column
+    return -float(row.sum() + column.sum())
 
 
 def _on_grid(values: FloatArray) -> FloatArray:

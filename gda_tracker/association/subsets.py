@@ -67,6 +67,11 @@ def sweep(weight: FloatArray, terminal: FloatArray) -> tuple[FloatArray, FloatAr
     return _sweep_by_bits(weight, terminal)
 
 
+def operations(steps: int, elements: int) -> float:
+    """Multiplications of :func:`sweep` for one cluster, roughly: the unit of all cost estimates."""
+    return float(steps * (elements + 1) * 2**elements)
+
+
 def memory_elements(steps: int, elements: int) -> int:
     """Doubles that :func:`sweep` needs per cluster, roughly."""
     columns = elements + 2 if elements <= MAX_TABLE_ELEMENTS else 1

@@ -90,6 +90,22 @@ def random_cluster():
 
 
 @pytest.fixture(scope="session")
+def chain():
+    """Draw a cluster of n tracks in a row, each with the next ``reach`` measurements."""
+
+    def draw(rng, n, reach, spread, shuffled=True):
+        m = n + reach - 1
+        log_weight = np.full((n, m), -np.inf)
+        for i in range(n):
+            log_weight[i, i : i + reach] = rng.uniform(-spread, spread, reach)
+        if shuffled:
+            log_weight = log_weight[np.ix_(rng.permutation(n), rng.permutation(m))]
+        return [log_weight, rng.uniform(-spread, spread, n), rng.uniform(-spread, spread, m)]
+
+    return draw
+
+
+@pytest.fixture(scope="session")
 def make_stage_input():
     """Build (scan, predictions, scores, pairs) of the stage from matrices over H x n."""
 

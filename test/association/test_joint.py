@@ -331,6 +331,31 @@ def test_a_cluster_beyond_the_exact_engine_is_refused_by_name():
         joint_marginals(np.zeros((21, 22)), np.zeros(21), np.zeros(22))
 
 
+def test_clumps_and_chains_are_answered_in_one_call(chain, random_cluster):
+    rng = np.random.default_rng(13)
+    parts = [random_cluster(rng, n, m, 3.0) for n, m in ((6, 7), (12, 12), (1, 1), (8, 4))]
+    parts += [chain(rng, 50, 3, 3.0), [np.full((1, 0), -np.inf), np.zeros(1) - 2.0, np.zeros(0)]]
+    shape = [sum(part[0].shape[side] for part in parts) for side in (0, 1)]
+    log_weight = np.full(shape, -np.inf)
+    row = column = 0
+    places = []
+    for part in parts:
+        n, m = part[0].shape
+        places.append(np.s_[row : row + n, column : column + m])
+        log_weight[places[-1]] = part[0]
+        row, column = row + n, column + m
+    both = log_weight, *(np.concatenate([part[side] for part in parts]) for side in (1, 2))
+    found = joint_marginals(*both)
+    for part, place in zip(parts, places, strict=True):
+        np.testing.assert_allclose(found[place], joint_marginals(*part), rtol=0, atol=1e-13)
+    assert (found[log_weight == -np.inf] == 0.0).all()
+    partition = sum(joint_log_partition(*part) for part in parts)
+    assert joint_log_partition(*both) == pytest.approx(partition, rel=1e-13)
+    # One part without a feasible hypothesis spoils the whole.
+    both[1][-1] = -np.inf
+    assert joint_log_partition(*both) == -np.inf
+
+
 def test_a_large_side_is_no_obstacle(random_cluster):
     log_weight, r, c = random_cluster(np.random.default_rng(11), 3, 200, 3.0)
     found = joint_marginals(log_weight, r, c)
