@@ -33,7 +33,7 @@ from gda_tracker.attributes.rcs import sample  # noqa: E402
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS  # noqa: E402
 from gda_tracker.evaluation.figures.canvas import canvas, colour, legend_below, png  # noqa: E402
 from gda_tracker.evaluation.purity import confusion_counts, purity  # noqa: E402
-from gda_tracker.evaluation.results import mean_and_stderr  # noqa: E402
+from gda_tracker.evaluation.statistics import mean_and_stderr  # noqa: E402
 from gda_tracker.evidence.frames import union_of_atoms  # noqa: E402
 from gda_tracker.parameters import from_mapping  # noqa: E402
 from gda_tracker.simulation.playback import Playback, with_method  # noqa: E402

@@ -17,8 +17,8 @@ import numpy as np
 from gda_tracker.commands.demo_play import DemoError, Part, Played, play_part
 from gda_tracker.commands.progress import progress_bar
 from gda_tracker.evaluation.figures.canvas import MissingPlotLibraryError, require_matplotlib
-from gda_tracker.evaluation.results import mean_and_stderr
 from gda_tracker.evaluation.runs import default_match_distance_m
+from gda_tracker.evaluation.statistics import mean_and_stderr
 from gda_tracker.evaluation.summary import (
     Summary,
     format_table,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
 import sys
 import time
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from gda_tracker.evaluation.evaluation_report import evaluation_report
 from gda_tracker.evaluation.monte_carlo import DEFAULT_METHODS, Progress, monte_carlo
 from gda_tracker.evaluation.results import ScenarioResult
 from gda_tracker.evaluation.runs import INITIATIONS, LABELLED
@@ -44,6 +46,10 @@ Reading the table
               not by two purities from different calls.
   missed, FA  share of scans on which a track got no detection, or a false alarm
   CPU         processor time of the whole ring per scan, one core
+
+With --initiation automatic there are four tables instead (docs/measures.md): continuity
+(completeness, identity switches, false tracks), GOSPA with its parts and OSPA, extraction
+delay and life of false tracks, and consistency (NEES, NIS).
 """
 
 EXAMPLES = """\
@@ -51,7 +57,7 @@ examples:
   gda-tracker evaluate crossing_targets --runs 50
   gda-tracker evaluate crossing_targets closely_spaced_targets --runs 200 --seed 1 \\
       --method gda/none/cv --method map/bayes/cv --method clairvoyant --json out.json
-  gda-tracker evaluate my_scenario.yaml --initiation automatic
+  gda-tracker evaluate my_scenario.yaml --initiation automatic --report report.html
 """
 
 
@@ -88,15 +94,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=INITIATIONS,
         default=LABELLED,
         help="labelled: tracks start from the labelled detections of the first scans, as in the "
-        "chapter (default). automatic: the whole tracker, which reports completeness, identity "
-        "switches and false tracks",
+        "chapter (default). automatic: the whole tracker, which reports continuity, GOSPA, false "
+        "tracks and consistency",
     )
     parser.add_argument(
         "--match-distance",
         type=float,
         metavar="M",
-        help="automatic: how far a track may be from its target, in m (default: three standard "
-        "deviations of a measured position)",
+        help="automatic: how far a track may be from its target, and the cut-off of GOSPA and "
+        "OSPA, in m (default: three standard deviations of a measured position)",
     )
     parser.add_argument(
         "--confusion", action="store_true", help="print whose detections each track got"
@@ -107,6 +113,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="write the results to FILE; one scenario gives an object, several a list",
     )
     parser.add_argument(
+        "--report", metavar="FILE", help="write tables and pictures to FILE, one HTML page"
+    )
+    parser.add_argument(
         "--workers", type=int, metavar="N", help="processes (default: one per core)"
     )
 
@@ -115,7 +124,8 @@ def run(args: argparse.Namespace) -> int:
     """Run ``evaluate``; return the exit code: 0, 2 for a wrong argument, 130 after Ctrl-C."""
     try:
         scenarios = [load_scenario(name) for name in args.scenarios]
-        _check_writable(args.json)
+        _check_writable("--json", args.json)
+        _check_writable("--report", args.report)
         with progress_on_stderr() as progress:
             results = monte_carlo(
                 scenarios,
@@ -131,6 +141,9 @@ def run(args: argparse.Namespace) -> int:
             print(format_result(result, args.confusion))
         if args.json:
             write_json(Path(args.json), results)
+        if args.report:
+            page = evaluation_report(results, command_line(args))
+            Path(args.report).write_text(page, encoding="utf-8")
     except (ParameterError, OSError) as error:
         print(f"gda-tracker evaluate: {error}", file=sys.stderr)
         return 2
@@ -138,6 +151,17 @@ def run(args: argparse.Namespace) -> int:
         print("gda-tracker evaluate: interrupted", file=sys.stderr)
         return 130
     return 0
+
+
+def command_line(args: argparse.Namespace) -> str:
+    """The command that makes the same results again."""
+    words = ["gda-tracker", "evaluate", *args.scenarios, "--runs", str(args.runs)]
+    words += ["--seed", str(args.seed), "--initiation", args.initiation]
+    if args.match_distance is not None:
+        words += ["--match-distance", str(args.match_distance)]
+    for method in args.methods or DEFAULT_METHODS:
+        words += ["--method", method]
+    return shlex.join(words)
 
 
 def write_json(path: Path, results: list[ScenarioResult]) -> None:
@@ -183,12 +207,12 @@ class _Lines:
             self._last = now
 
 
-def _check_writable(path: str | None) -> None:
+def _check_writable(option: str, path: str | None) -> None:
     """Find out before the runs, not after them, that the file cannot be written."""
     if path is None:
         return
     folder = Path(path).resolve().parent
     if not folder.is_dir():
-        raise ParameterError(f"--json {path}: the folder {folder} does not exist")
+        raise ParameterError(f"{option} {path}: the folder {folder} does not exist")
     if Path(path).is_dir():
-        raise ParameterError(f"--json {path}: is a folder, allowed is a file")
+        raise ParameterError(f"{option} {path}: is a folder, allowed is a file")

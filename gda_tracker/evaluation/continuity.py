@@ -1,21 +1,23 @@
-"""Continuity of tracks: every target under a confirmed track, and always under the same one.
+"""Continuity of tracks: every target under a confirmed track, soon and always under the same one.
 
 Scan by scan, confirmed tracks and known target positions are matched one to one within
 ``match_distance_m``. Two close targets may be matched crosswise for a scan without any track having
 changed its target: every change of the matched track is a *flip*, only a change that lasts is a
-*switch*.
+*switch*. A *false track* is one that was confirmed and never matched. The *extraction delay* runs
+from the first detection of a target to a confirmed track (performance measures of Koch 2014,
+section 1.3.3).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
-from gda_tracker.vocabulary.arrays import FloatArray, IntArray
+from gda_tracker.evaluation.matching import Matches, match_run
+from gda_tracker.vocabulary.arrays import FloatArray, IntArray, empty_floats
 from gda_tracker.vocabulary.scans import ScanTruth
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
@@ -29,8 +31,16 @@ class Continuity:
 
     ``target_id`` (T,) lists the targets; ``samples``, ``matched``, ``flips`` and ``switches`` (T,)
     count the scans at which a target's position is known, those of them under a confirmed track,
-    the changes of that track, and the changes that last. ``false_tracks`` is ``None`` where the
-    truth is partial: a track without a known target may then follow something real.
+    the changes of that track, and the changes that last. ``extraction_delay_s`` and
+    ``extraction_delay_scans`` (T,) run from the first detection of the target, or from its first
+    known position where the truth does not name the sources of detections, to the first scan from
+    then on under a confirmed track, NaN if there is none.
+
+    ``false_tracks`` is ``None`` where the truth is partial: a track without a known target may then
+    follow something real. ``false_track_life_s`` (F,) is, for each of them, the time from its first
+    scan as a confirmed track to the first one without it, or to the last scan of all: a track that
+    still lives then has lived at least so long. ``duration_s`` is the time from the first scan to
+    the last.
     """
 
     target_id: IntArray
@@ -43,6 +53,10 @@ class Continuity:
     position_rmse_m: float
     match_distance_m: float
     mean_latency_s: float = math.nan
+    extraction_delay_s: FloatArray = field(default_factory=empty_floats)
+    extraction_delay_scans: FloatArray = field(default_factory=empty_floats)
+    false_track_life_s: FloatArray = field(default_factory=empty_floats)
+    duration_s: float = 0.0
 
     @property
     def completeness_per_target(self) -> FloatArray:
@@ -63,6 +77,18 @@ class Continuity:
     def identity_switches(self) -> int:
         """Lasting changes of the matched track, over all targets."""
         return int(self.switches.sum())
+
+    @property
+    def targets_not_extracted(self) -> int:
+        """Targets that were not under a confirmed track from their first detection on."""
+        return int(np.isnan(self.extraction_delay_s).sum())
+
+    @property
+    def false_tracks_per_hour(self) -> float:
+        """False tracks over the duration, NaN where they are not known or the duration is zero."""
+        if self.false_tracks is None or self.duration_s <= 0.0:
+            return math.nan
+        return 3600.0 * self.false_tracks / self.duration_s
 
 
 def score_continuity(
@@ -95,76 +121,73 @@ def score_continuity(
     ValueError
         If the numbers of scans differ, or ``match_distance_m`` or ``settle_scans`` is not positive.
     """
-    if len(tracks) != len(truth):
-        raise ValueError(f"{len(tracks)} scans with tracks, {len(truth)} with truth: must be equal")
-    if not match_distance_m > 0.0:
-        raise ValueError(f"match_distance_m = {match_distance_m}: allowed is > 0")
     if settle_scans < 1:
         raise ValueError(f"settle_scans = {settle_scans}: allowed is >= 1")
-    samples, matched_target, matched_track, distance = _match_all(tracks, truth, match_distance_m)
-    target_id = np.unique(samples)
+    found = match_run(tracks, truth, match_distance_m)
+    target_id = np.unique(found.sample_target)
     flips = np.zeros(len(target_id), dtype=np.int64)
     switches = np.zeros(len(target_id), dtype=np.int64)
     for row, target in enumerate(target_id):
-        flips[row], switches[row] = _changes(matched_track[matched_target == target], settle_scans)
-    confirmed = np.unique(_join([t.track_id[t.status == CONFIRMED] for t in tracks]))
-    never_matched = int((~np.isin(confirmed, matched_track)).sum())
+        followed = found.track_id[found.target_id == target]
+        flips[row], switches[row] = _changes(followed, settle_scans)
+    delay_scans, delay_s = _extraction_delay(found, truth, target_id)
+    confirmed_id, life_s = _confirmed_life(tracks, found.stamp_ns)
+    never_matched = ~np.isin(confirmed_id, found.track_id)
+    distance, stamps = found.distance_m, found.stamp_ns
     return Continuity(
         target_id=target_id,
-        samples=_count(samples, target_id),
-        matched=_count(matched_target, target_id),
+        samples=_count(found.sample_target, target_id),
+        matched=_count(found.target_id, target_id),
         flips=flips,
         switches=switches,
-        confirmed_tracks=len(confirmed),
-        false_tracks=None if truth_is_partial else never_matched,
+        confirmed_tracks=len(confirmed_id),
+        false_tracks=None if truth_is_partial else int(never_matched.sum()),
         position_rmse_m=math.sqrt(np.mean(distance**2)) if len(distance) else math.nan,
         match_distance_m=match_distance_m,
         mean_latency_s=float(np.mean(latency_s)) if len(latency_s) else math.nan,
+        extraction_delay_s=delay_s,
+        extraction_delay_scans=delay_scans,
+        false_track_life_s=np.zeros(0) if truth_is_partial else life_s[never_matched],
+        duration_s=float(stamps[-1] - stamps[0]) / 1e9 if len(stamps) else 0.0,
     )
 
 
-def match_scan(
-    tracks: Tracks, truth: ScanTruth, match_distance_m: float
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Match confirmed tracks and known targets of one scan one to one.
-
-    Of all matchings without a pair beyond ``match_distance_m``, those with the most pairs are
-    looked at, and among these the one with the smallest sum of distances is taken.
-
-    Returns
-    -------
-    target_row, track_row, distance_m
-        (M,) each: rows of the truth and of the tracks, and how far they are apart.
-    """
-    targets = np.flatnonzero(np.isfinite(truth.target_state[:, :2]).all(axis=1))
-    live = np.flatnonzero(tracks.status == CONFIRMED)
-    if not len(targets) or not len(live):
-        none = np.zeros(0, dtype=np.int64)
-        return none, none, np.zeros(0)
-    gap = truth.target_state[targets, None, :2] - tracks.mean[None, live, :2]
-    distance = np.hypot(gap[..., 0], gap[..., 1])
-    allowed = distance <= match_distance_m
-    # A forbidden pair costs more than all allowed ones together, so that one more pair always pays.
-    forbidden = match_distance_m * (min(distance.shape) + 1)
-    row, column = linear_sum_assignment(np.where(allowed, distance, forbidden))
-    near = allowed[row, column]
-    row, column = row[near], column[near]
-    return targets[row], live[column], distance[row, column]
+def _extraction_delay(
+    found: Matches, truth: Sequence[ScanTruth], target_id: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Scans and seconds (T,) from each target's first detection to its first match."""
+    scan, target = found.sample_scan, found.sample_target
+    sources = [r.source_id for r in truth if r.source_id is not None]
+    if len(sources) == len(truth) and sources:
+        scan = np.repeat(np.arange(len(truth)), np.array([len(s) for s in sources]))
+        target = np.concatenate(sources).astype(np.int64)
+    delay_scans = np.full(len(target_id), np.nan)
+    delay_s = delay_scans.copy()
+    for row, wanted in enumerate(target_id):
+        seen = scan[target == wanted]
+        matched = found.scan[found.target_id == wanted]
+        if len(seen):
+            matched = matched[matched >= seen[0]]
+        if len(seen) and len(matched):
+            delay_scans[row] = matched[0] - seen[0]
+            delay_s[row] = (found.stamp_ns[matched[0]] - found.stamp_ns[seen[0]]) / 1e9
+    return delay_scans, delay_s
 
 
-def _match_all(
-    tracks: Sequence[Tracks], truth: Sequence[ScanTruth], match_distance_m: float
-) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Target ids of all known samples; target id, track id and distance of all matches."""
-    samples, targets, ids, distances = [], [], [], []
-    for live, known in zip(tracks, truth, strict=True):
-        row, column, distance = match_scan(live, known, match_distance_m)
-        samples.append(known.target_id[np.isfinite(known.target_state[:, :2]).all(axis=1)])
-        targets.append(known.target_id[row])
-        ids.append(live.track_id[column])
-        distances.append(distance)
-    all_distances = np.concatenate([*distances, np.zeros(0)])
-    return _join(samples), _join(targets), _join(ids), all_distances
+def _confirmed_life(tracks: Sequence[Tracks], stamp_ns: IntArray) -> tuple[IntArray, FloatArray]:
+    """Ids of all tracks that were ever confirmed, rising, and how long [s] they then lived."""
+    live = [t.track_id[t.status == CONFIRMED] for t in tracks]
+    count = np.array([len(ids) for ids in live], dtype=np.int64)
+    all_ids = np.concatenate([*live, np.zeros(0, dtype=np.int64)]).astype(np.int64)
+    scan = np.repeat(np.arange(len(tracks)), count)
+    ids, first, row = np.unique(all_ids, return_index=True, return_inverse=True)
+    last = np.zeros(len(ids), dtype=np.int64)
+    np.maximum.at(last, row, scan)
+    # The first scan without the track, as far as there is one.
+    end = np.minimum(last + 1, max(len(tracks) - 1, 0))
+    if not len(ids):
+        return ids, np.zeros(0)
+    return ids, (stamp_ns[end] - stamp_ns[scan[first]]) / 1e9
 
 
 def _changes(track_ids: IntArray, settle_scans: int) -> tuple[int, int]:
@@ -181,10 +204,6 @@ def _changes(track_ids: IntArray, settle_scans: int) -> tuple[int, int]:
             switches += 1
             owner = track_ids[start]
     return len(breaks), switches
-
-
-def _join(parts: list[np.ndarray]) -> IntArray:
-    return np.concatenate([*parts, np.zeros(0, dtype=np.int64)]).astype(np.int64)
 
 
 def _count(values: IntArray, ids: IntArray) -> IntArray:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from gda_tracker.evaluation.purity import confusion, purity
+from gda_tracker.evaluation.quality_results import QualityResult, combine_quality
 from gda_tracker.evaluation.runs import RunScore
+from gda_tracker.evaluation.statistics import mean_and_stderr
 from gda_tracker.simulation.scenarios import Scenario
 from gda_tracker.vocabulary.arrays import FloatArray
 
@@ -33,7 +35,7 @@ class MethodResult:
     cpu_ms_per_scan: float
     purity_per_track: FloatArray | None = None
     confusion: FloatArray | None = None
-    continuity: dict[str, Any] = field(default_factory=dict)
+    quality: QualityResult | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of ``methods`` in the JSON; a number that does not exist is ``None``."""
@@ -48,7 +50,7 @@ class MethodResult:
             "cpu_ms_per_scan": self.cpu_ms_per_scan,
             "difference_mean": self.difference_mean,
             "difference_stderr": self.difference_stderr,
-            **self.continuity,
+            **({} if self.quality is None else self.quality.values),
         }
         if self.confusion is not None and self.purity_per_track is not None:
             entry["purity_mean"] = self.score_mean
@@ -113,20 +115,9 @@ def combine(
     )
 
 
-def mean_and_stderr(values: FloatArray) -> tuple[float, float]:
-    """Mean and its standard error over the finite values, NaN where there are too few."""
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return math.nan, math.nan
-    if len(values) == 1:
-        return float(values[0]), math.nan
-    return float(values.mean()), float(values.std(ddof=1) / math.sqrt(len(values)))
-
-
 def _method_result(method: str, runs: list[RunScore], first: MethodResult | None) -> MethodResult:
     tables = [run.counts for run in runs if run.counts is not None]
-    continuity = [run.continuity for run in runs if run.continuity is not None]
-    extra: dict[str, Any] = {}
+    quality = None
     shares = per_track = None
     if tables:
         counts = np.stack(tables)
@@ -135,17 +126,8 @@ def _method_result(method: str, runs: list[RunScore], first: MethodResult | None
         shares = confusion(counts.sum(axis=0))
         per_track = purity(counts.sum(axis=0))
     else:
-        score = np.array([run.completeness for run in continuity])
-        extra = _continuity(
-            {
-                "completeness": score,
-                "identity_switches": np.array([run.identity_switches for run in continuity]),
-                "identity_flips": np.array([run.identity_flips for run in continuity]),
-                "false_tracks": np.array([run.false_tracks or 0 for run in continuity]),
-                "confirmed_tracks": np.array([run.confirmed_tracks for run in continuity]),
-                "position_rmse_m": np.array([run.position_rmse_m for run in continuity]),
-            }
-        )
+        quality = combine_quality([run.quality for run in runs if run.quality is not None])
+        score = quality.completeness
     mean, stderr = mean_and_stderr(score)
     against = score if first is None else first.score
     difference, difference_stderr = mean_and_stderr(score - against)
@@ -159,16 +141,8 @@ def _method_result(method: str, runs: list[RunScore], first: MethodResult | None
         cpu_ms_per_scan=1e3 * sum(run.cpu_s for run in runs) / sum(run.n_scans for run in runs),
         purity_per_track=per_track,
         confusion=shares,
-        continuity=extra,
+        quality=quality,
     )
-
-
-def _continuity(values: dict[str, FloatArray]) -> dict[str, Any]:
-    """Mean over runs of every score under its own name, and its standard error."""
-    found = {}
-    for name, value in values.items():
-        found[name], found[f"{name}_stderr"] = mean_and_stderr(value.astype(np.float64))
-    return found
 
 
 def _finite_or_none(value: Any) -> Any:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from gda_tracker.evaluation.clairvoyant import CLAIRVOYANT, Clairvoyant
-from gda_tracker.evaluation.continuity import Continuity, score_continuity
 from gda_tracker.evaluation.purity import confusion_counts
+from gda_tracker.evaluation.quality import Quality, score_quality
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import Scenario
@@ -22,10 +22,9 @@ from gda_tracker.simulation.targets import true_states
 from gda_tracker.tracking.labelled import labelled_tracks
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.methods import parse_method
-from gda_tracker.tracking.ring import Prepared, Ring, stage_parameters
+from gda_tracker.tracking.ring import Prepared, Ring, RingResult, stage_parameters
 from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.recordings import Recording
-from gda_tracker.vocabulary.tracks import Tracks
 
 LABELLED = "labelled"
 AUTOMATIC = "automatic"
@@ -38,12 +37,12 @@ class RunScore:
 
     With labelled initiation ``counts`` is the (T, T + 2) table of
     :func:`~gda_tracker.evaluation.purity.confusion_counts`, with automatic initiation
-    ``continuity`` is set. ``cpu_s`` is the processor time of the tracker alone over ``n_scans``
+    ``quality`` is set. ``cpu_s`` is the processor time of the tracker alone over ``n_scans``
     scans.
     """
 
     counts: IntArray | None
-    continuity: Continuity | None
+    quality: Quality | None
     cpu_s: float
     n_scans: int
 
@@ -132,12 +131,13 @@ class Contestant:
         assert recording.truth is not None
         ring, skip = self._new_ring(recording), self._skip
         if self.initiation == AUTOMATIC:
-            tracks, cpu_s = _track(ring, recording, skip, prepared)
+            results, cpu_s = _track(ring, recording, skip, prepared)
             distance = match_distance_m or default_match_distance_m(self.scenario)
-            score = score_continuity(tracks, recording.truth, match_distance_m=distance)
-            return RunScore(None, score, cpu_s, len(tracks))
+            quality = score_quality(results, recording.truth, distance)
+            return RunScore(None, quality, cpu_s, len(results))
         ring.initialise(labelled_tracks(recording, skip, ring, prepared[0]))
-        tracks, cpu_s = _track(ring, recording, skip, prepared)
+        results, cpu_s = _track(ring, recording, skip, prepared)
+        tracks = [result.tracks for result in results if result.tracks is not None]
         counts = confusion_counts(tracks, recording.truth[skip:], self._track_ids, self._target_ids)
         return RunScore(counts, None, cpu_s, len(tracks))
 
@@ -186,12 +186,12 @@ def score_runs(
 
 def _track(
     ring: Ring, recording: Recording, skip: int, prepared: tuple[list[Prepared], float]
-) -> tuple[list[Tracks], float]:
-    """Take scans round the ring, but the first ``skip``; tracks per scan, processor time.
+) -> tuple[list[RingResult], float]:
+    """Take scans round the ring, but the first ``skip``; what came of each, processor time.
 
     The time of the preparation counts in full, as if it had not been shared.
     """
-    tracks = []
+    results = []
     scans, preparation_s = prepared
     start = time.process_time()
     for detections, known in zip(recording.detections[skip:], scans[skip:], strict=True):
@@ -202,5 +202,5 @@ def _track(
                 f"scan at {detections.stamp_ns} ns of {recording.origin}: {report.outcome} "
                 f"({report.reason}), and a scan without tracks cannot be scored"
             )
-        tracks.append(result.tracks)
-    return tracks, time.process_time() - start + preparation_s
+        results.append(result)
+    return results, time.process_time() - start + preparation_s

@@ -14,7 +14,7 @@ import numpy as np
 
 from gda_tracker.evaluation.continuity import score_continuity
 from gda_tracker.evaluation.purity import confusion_counts, purity
-from gda_tracker.evaluation.results import mean_and_stderr
+from gda_tracker.evaluation.statistics import mean_and_stderr
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.scans import ScanTruth
 from gda_tracker.vocabulary.tracks import Tracks

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 from gda_tracker.evaluation.continuity import SETTLE_SCANS
 from gda_tracker.evaluation.results import MethodResult, ScenarioResult
@@ -30,7 +32,11 @@ def format_result(result: ScenarioResult, confusion: bool = False) -> str:
         f"targets: {targets}",
         "",
     ]
-    lines += _purity(result) if result.match_distance_m is None else _continuity(result)
+    if result.match_distance_m is None:
+        rows = purity_table(result)
+        lines += _align(rows[:2], rows[2:])
+    else:
+        lines += _quality(result)
     if len(result.methods) > 1:
         lines.append(
             f"difference: to {result.methods[0].method} on the same simulated scans, mean +- its "
@@ -42,13 +48,13 @@ def format_result(result: ScenarioResult, confusion: bool = False) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _purity(result: ScenarioResult) -> list[str]:
+def purity_table(result: ScenarioResult) -> list[list[str]]:
+    """Table of the purity with labelled initiation: heading, units, rows, published values."""
     ids = sorted(target.id for target in result.scenario.targets)
-    header = [
+    rows = [
         ["method", "purity", "difference", *[f"target {i}" for i in ids], "missed", "FA", "CPU"],
         ["", "[0..1]", "[0..1]", *["[0..1]" for _ in ids], "[%]", "[%]", "[ms/scan]"],
     ]
-    rows = []
     for index, method in enumerate(result.methods):
         assert method.confusion is not None
         assert method.purity_per_track is not None
@@ -65,39 +71,100 @@ def _purity(result: ScenarioResult) -> list[str]:
         )
     for name, values in published_purity(result.scenario).items():
         mean = _number(sum(values) / len(values), 3)
-        rows.append([f"published: {name}", mean, "", *[_number(v, 3) for v in values]])
-    return _align(header, rows)
+        own = [_number(v, 3) for v in values]
+        rows.append([f"published: {name}", mean, "", *own, *[""] * (len(ids) + 3 - len(own))])
+    return rows
 
 
-def _continuity(result: ScenarioResult) -> list[str]:
-    header = [
+def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
+    """Tables of the measures with automatic initiation: a title and rows for each.
+
+    The first two rows are the heading and the units.
+    """
+    continuity = [
         [
             *["method", "completeness", "difference", "switches", "flips", "false tracks", "error"],
             "CPU",
         ],
         ["", "[0..1]", "[0..1]", "[per run]", "[per run]", "[per run]", "[m RMS]", "[ms/scan]"],
     ]
-    rows = []
+    distances = [
+        ["method", "GOSPA", "localisation", "missed", "false", "OSPA"],
+        ["", *["[m RMS]" for _ in range(5)]],
+    ]
+    life = [
+        ["method", "extraction delay", "not extracted", "false tracks", "their life"],
+        ["", "[s]", "[per run]", "[1/h]", "[s]"],
+    ]
+    consistency = [
+        ["method", "NEES", "consistent", "in bounds", "NIS", "consistent", "in bounds"],
+        ["", "[1]", "[1]", "[%]", "[1]", "[1]", "[%]"],
+    ]
     for index, method in enumerate(result.methods):
-        found = method.continuity
-        rows.append(
+        assert method.quality is not None
+        found = method.quality.values
+
+        def value(name: str, digits: int, found: dict[str, Any] = found) -> str:
+            return _with_error(found[name], found[f"{name}_stderr"], digits)
+
+        continuity.append(
             [
                 method.method,
                 _with_error(method.score_mean, method.score_stderr, 3),
                 _difference(method, index, 3),
-                *[
-                    _with_error(found[name], found[f"{name}_stderr"], 2)
-                    for name in ("identity_switches", "identity_flips", "false_tracks")
-                ],
+                *[value(n, 2) for n in ("identity_switches", "identity_flips", "false_tracks")],
                 _number(found["position_rmse_m"], 1),
                 _number(method.cpu_ms_per_scan, 2),
             ]
         )
+        parts = ("gospa_m", "gospa_localisation_m", "gospa_missed_m", "gospa_false_m", "ospa_m")
+        distances.append([method.method, *[value(name, 1) for name in parts]])
+        life.append(
+            [
+                method.method,
+                value("extraction_delay_s", 1),
+                value("targets_not_extracted", 2),
+                value("false_tracks_per_hour", 1),
+                value("false_track_life_s", 1),
+            ]
+        )
+        row = [method.method]
+        for name in ("nees", "nis"):
+            row += [
+                value(name, 2),
+                f"{_number(found[f'{name}_lower'], 2)} to {_number(found[f'{name}_upper'], 2)}",
+                _number(100.0 * found[f"{name}_inside"], 0),
+            ]
+        consistency.append(row)
     return [
-        *_align(header, rows),
-        f"a target is tracked if a confirmed track is within {result.match_distance_m:.0f} m of "
-        f"it; a switch is a change of track that lasts {SETTLE_SCANS} scans",
+        ("Continuity", continuity),
+        ("Distance of confirmed tracks and targets", distances),
+        ("Extraction and false tracks", life),
+        ("Consistency", consistency),
     ]
+
+
+def quality_notes(result: ScenarioResult) -> list[str]:
+    """What the numbers of :func:`quality_tables` mean, a sentence or two for each table."""
+    distance = f"{result.match_distance_m:.0f} m"
+    return [
+        f"a target is tracked if a confirmed track is within {distance} of it; a switch is a "
+        f"change of track that lasts {SETTLE_SCANS} scans",
+        f"GOSPA and OSPA with cut-off {distance} and squares; GOSPA^2 = localisation^2 + missed^2 "
+        f"+ false^2",
+        "extraction delay: from a target's first detection to its confirmed track; false tracks "
+        "were confirmed and never near a target",
+        "NEES, NIS: squared error of state and innovation over their covariance, mean of all "
+        "scans; consistent: 95 % bounds of the mean at one scan; in bounds: share of scans, 95 if "
+        "all is well",
+    ]
+
+
+def _quality(result: ScenarioResult) -> list[str]:
+    lines: list[str] = []
+    for (_, rows), note in zip(quality_tables(result), quality_notes(result), strict=True):
+        lines += [*_align(rows[:2], rows[2:]), *textwrap.wrap(note, 100), ""]
+    return lines[:-1]
 
 
 def _confusion(method: MethodResult, scenario: Scenario) -> list[str]:

@@ -72,11 +72,51 @@ def test_confusion_is_printed_on_request(short, capsys):
     assert "track 2" in capsys.readouterr().out
 
 
-def test_automatic_initiation(short, capsys):
-    assert call(short, "--runs", "2", "--workers", "1", "--initiation", "automatic") == 0
-    shown = capsys.readouterr().out
-    for word in ("completeness", "switches", "false tracks", "automatic initiation"):
+def test_automatic_initiation_in_table_json_and_report(short, tmp_path, capsys):
+    out, page = tmp_path / "out.json", tmp_path / "report.html"
+    options = ["--runs", "2", "--workers", "1", "--initiation", "automatic"]
+    assert call(short, *options, "--json", str(out), "--report", str(page)) == 0
+    shown, report = capsys.readouterr().out, page.read_text()
+    assert "automatic initiation" in shown
+    words = ("completeness", "switches", "false tracks", "GOSPA", "localisation", "OSPA")
+    for word in (*words, "extraction delay", "their life", "NEES", "NIS", "consistent"):
         assert word in shown
+        assert word in report
+    for method in json.loads(out.read_text())["methods"]:
+        rows = [line for line in shown.splitlines() if line.startswith(method["method"])]
+        assert len(rows) == 4
+        names = ("completeness", "gospa_m", "extraction_delay_s", "nees")
+        for row, name, digits in zip(rows, names, (3, 1, 1, 2), strict=True):
+            cell = f"{method[name]:.{digits}f}"
+            assert cell in row
+            assert f"<td>{cell}" in report
+        bounds = f"{method['nees_lower']:.2f} to {method['nees_upper']:.2f}"
+        assert bounds in rows[3]
+        assert bounds in report
+    assert report.count('<img alt="') == 2
+    assert f"gda-tracker evaluate {short} --runs 2 --seed 0 --initiation automatic" in report
+
+
+def test_report_of_labelled_initiation(short, tmp_path, capsys):
+    page = tmp_path / "report.html"
+    methods = ["--method", "gda/none/cv", "--method", "map/bayes/cv"]
+    options = ["--runs", "2", "--workers", "1", *methods, "--report", str(page)]
+    assert call(short, short, *options) == 0
+    report, shown = page.read_text(), capsys.readouterr().out
+    assert report.count("<h2>crossing_targets: track purity</h2>") == 2
+    assert report.count("map/bayes/cv, run by run") == 4  # caption and text of each picture
+    row = next(line for line in shown.splitlines() if line.startswith("map/bayes/cv"))
+    assert f"<td>{row.split()[1]}" in report
+    assert "published: kinematics only" in report
+
+
+def test_report_without_pictures_says_why(short, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    page = tmp_path / "report.html"
+    options = ["--runs", "1", "--workers", "1", "--method", "gda/none/cv", "--report", str(page)]
+    assert call(short, *options, "--initiation", "automatic") == 0
+    assert "Pictures need matplotlib" in page.read_text()
+    assert "<img" not in page.read_text()
 
 
 @pytest.mark.parametrize(
@@ -87,6 +127,7 @@ def test_automatic_initiation(short, capsys):
         (["crossing_targets", "--runs", "0"], "runs = 0: allowed is an integer >= 1"),
         (["crossing_targets", "--json", "/no/such/folder/x.json"], "does not exist"),
         (["crossing_targets", "--json", "/tmp"], "is a folder"),
+        (["crossing_targets", "--report", "/no/such/folder/x.html"], "--report"),
     ],
 )
 def test_errors_are_one_line_and_exit_code_2(arguments, message, capsys):

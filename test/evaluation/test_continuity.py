@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from gda_tracker.evaluation.continuity import match_scan, score_continuity
+from gda_tracker.evaluation.continuity import score_continuity
+from gda_tracker.evaluation.matching import match_scan
 from gda_tracker.vocabulary import CONFIRMED, TENTATIVE, ScanKey, ScanTruth, Tracks
 
 FAR = 1e4
@@ -127,3 +128,63 @@ def test_no_scans_at_all():
 def test_options_out_of_range_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         score_continuity([], [], **options)
+
+
+def at(scan, value, sources=None):
+    """The tracks or truth of a scan, 2 s apart."""
+    if isinstance(value, Tracks):
+        value.key = ScanKey(0, "radar", scan * 2_000_000_000)
+        return value
+    source_id = None if sources is None else np.array(sources, dtype=np.int32)
+    return ScanTruth(
+        "radar", scan * 2_000_000_000, value.target_id, value.target_state, source_id=source_id
+    )
+
+
+def test_extraction_delay_from_the_first_known_position():
+    unknown = truth((math.nan, math.nan), (100.0, 0.0))
+    known = [at(0, unknown), *[at(k, TWO) for k in range(1, 6)]]
+    near = {5: (0.0, 0.0)}
+    live = [at(k, tracks(near if k >= 3 else {})) for k in range(6)]
+    score = score_continuity(live, known)
+    np.testing.assert_array_equal(score.extraction_delay_scans, [2.0, math.nan])
+    np.testing.assert_array_equal(score.extraction_delay_s, [4.0, math.nan])
+    assert score.targets_not_extracted == 1
+    assert score.duration_s == 10.0
+
+
+def test_extraction_delay_from_the_first_detection_where_sources_are_known():
+    sources = [[-1], [1], [1, 2], [1, -1], [2], [1]]
+    known = [at(k, TWO, s) for k, s in enumerate(sources)]
+    # Track 6 is near target 2 before the target was ever detected: by chance, not by extraction.
+    live = [
+        at(k, tracks({5: (0.0, 0.0), 6: (100.0, 0.0)} if k in (0, 3, 4) else {})) for k in range(6)
+    ]
+    score = score_continuity(live, known)
+    np.testing.assert_array_equal(score.extraction_delay_scans, [2.0, 1.0])
+    np.testing.assert_array_equal(score.extraction_delay_s, [4.0, 2.0])
+    never = score_continuity(live, [at(k, TWO, [1]) for k in range(6)])
+    assert math.isnan(never.extraction_delay_s[1])
+
+
+def test_false_tracks_per_hour_and_their_life():
+    one = truth((0.0, 0.0))
+    # 8 is confirmed on scans 1 to 3 of 0 to 5 and gone on 4; 9 lives from scan 4 to the end.
+    live = [
+        tracks({5: (0.0, 0.0)}),
+        tracks({5: (0.0, 0.0), 8: (FAR, 0.0)}),
+        tracks({5: (0.0, 0.0), 8: (FAR, 0.0)}),
+        tracks({5: (0.0, 0.0), 8: (FAR, 0.0), 9: (FAR, FAR)}, tentative=(9,)),
+        tracks({5: (0.0, 0.0), 9: (FAR, FAR)}),
+        tracks({5: (0.0, 0.0), 9: (FAR, FAR)}),
+    ]
+    live = [at(k, t) for k, t in enumerate(live)]
+    known = [at(k, one) for k in range(6)]
+    score = score_continuity(live, known)
+    assert score.false_tracks == 2
+    np.testing.assert_array_equal(score.false_track_life_s, [6.0, 2.0])
+    assert score.false_tracks_per_hour == pytest.approx(2 * 3600.0 / 10.0)
+    partial = score_continuity(live, known, truth_is_partial=True)
+    assert math.isnan(partial.false_tracks_per_hour)
+    assert len(partial.false_track_life_s) == 0
+    assert math.isnan(score_continuity(live[:1], known[:1]).false_tracks_per_hour)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gda_tracker.evaluation.monte_carlo import monte_carlo
-from gda_tracker.evaluation.results import mean_and_stderr
+from gda_tracker.evaluation.statistics import mean_and_stderr
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.scenarios import load_scenario
 
@@ -118,6 +118,22 @@ def test_automatic_initiation_reports_continuity(scenarios):
         assert method["identity_switches"] >= 0.0
         assert method["false_tracks"] >= 0.0
         assert 0.0 < method["position_rmse_m"] < result.match_distance_m
+        parts = [method[f"gospa_{name}_m"] for name in ("localisation", "missed", "false")]
+        assert np.sum(np.square(parts)) == pytest.approx(method["gospa_m"] ** 2)
+        assert 0.0 < method["ospa_m"] <= result.match_distance_m
+        # Two scans make a tentative track, three hits a confirmed one.
+        assert 2.0 <= method["extraction_delay_scans"] < 6.0
+        period_s = result.scenario.time.scan_period_s
+        assert method["extraction_delay_s"] == pytest.approx(
+            period_s * method["extraction_delay_scans"]
+        )
+        hours = 13 * period_s / 3600.0
+        assert method["false_tracks_per_hour"] == pytest.approx(method["false_tracks"] / hours)
+        assert (method["nees_dimension"], method["nis_dimension"]) == (4, 2)
+        for name in ("nees", "nis"):
+            assert method[f"{name}_lower"] < method[f"{name}_expected"] < method[f"{name}_upper"]
+            assert 0.0 <= method[f"{name}_inside"] <= 1.0
+            assert method[name] > 0.0
     json.dumps(found, allow_nan=False)
 
 

@@ -18,6 +18,7 @@ from gda_tracker.evaluation.figures.flow import (
     pair_tables,
 )
 from gda_tracker.evaluation.figures.maps import association_maps, track_map
+from gda_tracker.evaluation.figures.quality import consistency_course, set_distance_course
 from gda_tracker.evaluation.figures.scores import latency_histograms, paired_purity
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "association_maps",
     "candidate_histories",
     "class_beliefs",
+    "consistency_course",
     "fuzzy_reading",
     "gate_outlines",
     "gated_maps",
@@ -35,5 +37,6 @@ __all__ = [
     "pignistic_entropies",
     "png",
     "require_matplotlib",
+    "set_distance_course",
     "track_map",
 ]

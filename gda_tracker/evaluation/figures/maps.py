@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from gda_tracker.evaluation.continuity import match_scan
 from gda_tracker.evaluation.figures.canvas import GREY, INK, PALE, canvas, colour, legend_below
 from gda_tracker.evaluation.figures.series import (
     CLUTTER,
@@ -20,6 +19,7 @@ from gda_tracker.evaluation.figures.series import (
     target_paths,
     track_histories,
 )
+from gda_tracker.evaluation.matching import match_scan
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.scans import Detections, ScanTruth
 from gda_tracker.vocabulary.tracks import Tracks

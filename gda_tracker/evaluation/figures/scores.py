@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gda_tracker.evaluation.figures.canvas import INK, PALE, canvas, colour, legend_below
-from gda_tracker.evaluation.results import mean_and_stderr
+from gda_tracker.evaluation.statistics import mean_and_stderr
 
 LATENCY_BINS = 60
 # More runs than this stay without their number under the axis.
