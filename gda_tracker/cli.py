@@ -56,7 +56,7 @@ COMMANDS = {
 
         examples:
           gda-tracker replay scenario16_detections.json --tracks tracks.csv
-          gda-tracker replay my_bag --offline --method map/bayes/cv
+          gda-tracker replay my_bag --offline --method map/bayes/cv --association-log why.jsonl
           gda-tracker replay my_bag --params my_radar.yaml --bag out_bag --rate 1
         """,
     ),

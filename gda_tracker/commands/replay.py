@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tracks", type=Path, metavar="OUT.csv", help="write one row per track and scan"
     )
     parser.add_argument(
+        "--association-log",
+        type=Path,
+        metavar="OUT.jsonl",
+        help="with --offline: write why each detection went to its track, one JSON object per scan "
+        "(docs/association-log.md)",
+    )
+    parser.add_argument(
         "--bag", type=Path, metavar="FOLDER", help="record all topics (not offline)"
     )
     parser.add_argument(
@@ -70,6 +78,10 @@ def run(args: argparse.Namespace) -> int:
     """Replay and print a summary."""
     if args.offline and args.bag:
         raise UserError("--bag: there are no topics to record with --offline")
+    if args.association_log and not args.offline:
+        raise UserError(
+            "--association-log: allowed with --offline alone, which makes the same tracks"
+        )
     if not 0.0 <= args.rate < float("inf"):
         raise UserError(f"--rate {args.rate}: allowed is a number >= 0")
     play, preset_name, parameters = _load(args)
@@ -78,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
         raise UserError(f"{args.recording}: no scans")
     sys.stdout.flush()
     if args.offline:
-        answers = _offline(play, parameters)
+        answers = _offline(play, parameters, args.association_log)
     else:
         answers = _through_the_nodes(play, parameters, args)
     if args.tracks:
@@ -89,6 +101,8 @@ def run(args: argparse.Namespace) -> int:
                 if tracks is not None:
                     table.write(scan, tracks)
         print(f"tracks: {args.tracks}")
+    if args.association_log:
+        print(f"association log: {args.association_log}")
     _summary(play, answers, args.match_distance)
     return 0
 
@@ -123,19 +137,23 @@ def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
     )
 
 
-def _offline(play: Playback, parameters: Parameters) -> Answers:
+def _offline(play: Playback, parameters: Parameters, log_path: Path | None) -> Answers:
+    from gda_tracker.evaluation.association_log import AssociationLogWriter
     from gda_tracker.tracking.ring import Ring
 
     ring = Ring(parameters)
     if play.initial is not None:
         ring.initialise(play.initial)
     answers: Answers = []
-    with progress_bar(len(play.detections), "scans") as bar:
-        for detections in play.detections:
-            answers += [(result.report, result.tracks) for result in ring.feed(detections)]
+    with ExitStack() as stack:
+        log = stack.enter_context(AssociationLogWriter(log_path)) if log_path else None
+        bar = stack.enter_context(progress_bar(len(play.detections), "scans"))
+        for detections in (*play.detections, None):
+            for result in ring.finish() if detections is None else ring.feed(detections):
+                answers.append((result.report, result.tracks))
+                if log is not None:
+                    log.write(result)
             bar(len(answers))
-        answers += [(result.report, result.tracks) for result in ring.finish()]
-        bar(len(answers))
     return answers
 
 

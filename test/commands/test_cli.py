@@ -110,6 +110,24 @@ def test_replay_of_a_scenario(capsys):
     assert "completeness" in capsys.readouterr().out
 
 
+def test_replay_writes_why_it_associated_as_it_did(tmp_path, capsys):
+    path = tmp_path / "why.jsonl"
+    assert run("replay", BOATS, "--offline", "--association-log", path) == 0
+    assert f"association log: {path}" in capsys.readouterr().out
+    recording = load_recording(BOATS)
+    ring = Ring(recording.preset)
+    lines = path.read_text().splitlines()
+    assert len(lines) == len(recording.detections)
+    for line, detections in zip(lines, recording.detections, strict=True):
+        tracks, entry = ring.process(detections).tracks, json.loads(line)
+        assert entry["stamp_ns"] == detections.stamp_ns
+        logged = {t["track_id"]: t["detection"] for t in entry["tracks"]}
+        for track, index in zip(tracks.track_id.tolist(), tracks.detection_index, strict=True):
+            # A track that starts on the scan was not yet there to be associated.
+            if track in logged:
+                assert logged[track] == (None if index < 0 else index)
+
+
 def test_evaluate_writes_json(tmp_path, capsys):
     path = tmp_path / "result.json"
     assert (
@@ -132,6 +150,8 @@ ERRORS = {
     "no such method": (["replay", BOATS, "--offline", "--method", "gda/x/cv"], "dsm_classic"),
     "no such scenario": (["evaluate", "no_scenario", "--runs", "1"], "crossing_targets"),
     "bag without topics": (["replay", BOATS, "--offline", "--bag", "x"], "--bag"),
+    "log without ring": (["replay", BOATS, "--association-log", "x"], "--association-log"),
+    "log nowhere": (["replay", BOATS, "--offline", "--association-log", "/no/x"], "/no/x"),
     "rate": (["replay", BOATS, "--rate", "-1"], "--rate"),
     "no such file": (["replay", BOATS, "--offline", "--params", "nosuch.yaml"], "nosuch.yaml"),
 }
