@@ -14,7 +14,7 @@ from numpy.polynomial.legendre import leggauss
 
 from gda_tracker.vocabulary.arrays import FloatArray
 
-FILTERS = ("cv",)
+FILTERS = ("cv", "imm")
 # Gauss-Legendre quadrature on [-1, 1].
 _NODES, _NODE_WEIGHTS = (np.asarray(a, dtype=np.float64) for a in leggauss(20))
 

@@ -8,6 +8,7 @@ from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
 from gda_tracker.tracking.initiation import NewTracks, StartPoints, bounded_speed, start_tracks
 from gda_tracker.tracking.lifecycle import confirmed
+from gda_tracker.tracking.model_states import with_models
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.beliefs import Evidence
@@ -99,7 +100,7 @@ def hypotheses_of_births(
         parameters.confirmation_hits,
         parameters.confirmation_scans,
     )
-    return started
+    return with_models(started, parameters) if parameters.filter == "imm" else started
 
 
 def _first_beliefs(

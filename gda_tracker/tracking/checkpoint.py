@@ -2,7 +2,7 @@
 
 The file holds no code and no pickles::
 
-    text      "gda_tracker checkpoint 2" and a line feed
+    text      "gda_tracker checkpoint 3" and a line feed
     8 bytes   length of the header, unsigned, little-endian
     header    JSON in UTF-8: {"rest": {...}, "arrays": [[name, dtype, shape], ...]}
     arrays    their bytes one after the other, row-major
@@ -31,7 +31,7 @@ from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.manager_state import ManagerState
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 
-MAGIC = b"gda_tracker checkpoint 2\n"
+MAGIC = b"gda_tracker checkpoint 3\n"
 _LENGTH = struct.Struct("<Q")
 _CHECKSUM = struct.Struct("<I")
 _POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))

@@ -22,6 +22,10 @@ class HypothesisTable:
     scans as bits, newest in bit 0; ``detection_index`` (H,) is the row of the last scan's detection
     in the source's array, -1 for none. Beliefs: ``masses`` (H, E) over the Venn bitmasks ``focal``
     of the frame, ``class_probability`` (H, C), ``conflict`` (H,).
+
+    With interacting multiple models ``mean`` and ``covariance`` are the moments of the mixture of
+    M models ``model_weight`` (H, M), ``model_mean`` (H, M, s), ``model_covariance`` (H, M, s, s);
+    with one motion model M is 0 and they are all there is.
     """
 
     hypothesis_id: IntArray = field(default_factory=_ints)
@@ -41,10 +45,21 @@ class HypothesisTable:
     conflict: FloatArray = field(default_factory=empty_floats)
     masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    model_weight: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    model_mean: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 4))
+    model_covariance: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 4, 4))
     # Not per row:
     frame: tuple[str, ...] = ()
     focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
     class_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.model_weight) != len(self) and not self.model_weight.size:
+            # Not given: no models, for as many rows as there are.
+            h, s = self.mean.shape
+            self.model_weight = empty_floats(h, 0)
+            self.model_mean = empty_floats(h, 0, s)
+            self.model_covariance = empty_floats(h, 0, s, s)
 
     def __len__(self) -> int:
         return len(self.hypothesis_id)

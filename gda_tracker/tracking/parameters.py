@@ -11,6 +11,8 @@ from gda_tracker.parameters import ParameterError, parameter
 from gda_tracker.tracking.lifecycle import LONGEST_WINDOW
 
 INITIATIONS = ("automatic", "labelled")
+# The number of a model travels in one byte; more than a few gain nothing.
+MOST_MODELS = 16
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,10 @@ class TrackManagerParameters:
         "bayes", "how the attribute speaks in the association", choices=ATTRIBUTE_TERMS
     )
     filter: str = parameter(
-        "cv", "motion model of the filter: cv constant velocity", choices=FILTERS
+        "cv",
+        "motion of targets: cv constant velocity, imm interacting models of it with different "
+        "process noise",
+        choices=FILTERS,
     )
     range_std_m: float = parameter(
         30.0,
@@ -46,7 +51,8 @@ class TrackManagerParameters:
     )
     process_noise_std_mps2: float = parameter(
         2.0,
-        "acceleration of targets, standard deviation per scan",
+        "acceleration of targets, standard deviation per scan; with imm the unit of "
+        "imm_process_noise_factors",
         unit="m/s2",
         minimum=0.0,
         minimum_excluded=True,
@@ -239,7 +245,34 @@ class TrackManagerParameters:
         advanced=True,
     )
 
+    imm_process_noise_factors: list[float] = parameter(
+        [0.3, 1.5],
+        "process noise of each model of imm, as a multiple of process_noise_std_mps2",
+        minimum=0.0,
+        minimum_excluded=True,
+        advanced=True,
+    )
+    imm_mean_sojourn_s: list[float] = parameter(
+        [60.0, 20.0],
+        "mean time that a target stays in each model of imm before it changes to another",
+        unit="s",
+        minimum=0.0,
+        minimum_excluded=True,
+        advanced=True,
+    )
+
     def __post_init__(self) -> None:
+        models = len(self.imm_process_noise_factors)
+        if not 1 <= models <= MOST_MODELS:
+            raise ParameterError(
+                f"parameter imm_process_noise_factors = {self.imm_process_noise_factors}: allowed "
+                f"are 1 to {MOST_MODELS} numbers"
+            )
+        if len(self.imm_mean_sojourn_s) != models:
+            raise ParameterError(
+                f"parameter imm_mean_sojourn_s = {self.imm_mean_sojourn_s}: allowed are {models} "
+                f"numbers, one for each of imm_process_noise_factors"
+            )
         if self.confirmation_hits > self.confirmation_scans:
             raise ParameterError(
                 f"parameter confirmation_hits = {self.confirmation_hits}: allowed is at most "

@@ -17,7 +17,15 @@ def predictions_of(
     key: ScanKey, table: HypothesisTable, parameters: TrackManagerParameters
 ) -> Predictions:
     """Return the predictions of a table that stands at the time of the scan, with the settings."""
-    start, weight, model = _one_component_each(len(table))
+    h, models = table.model_weight.shape
+    if models:
+        start, model = _components(h, models)
+        weight = table.model_weight.reshape(h * models)
+        mean = table.model_mean.reshape(h * models, table.mean.shape[1])
+        covariance = table.model_covariance.reshape(h * models, *table.covariance.shape[1:])
+    else:
+        start, model = _components(h, 1)
+        weight, mean, covariance = _ones(h), table.mean, table.covariance
     return Predictions(
         key=key,
         settings=AssociationSettings(
@@ -30,12 +38,12 @@ def predictions_of(
         hypothesis_id=table.hypothesis_id,
         parent_id=table.parent_id,
         track_id=table.track_id,
-        detection_probability=parameters.detection_probability * weight,
+        detection_probability=parameters.detection_probability * _ones(h),
         component_start=start,
         component_weight=weight,
         component_model=model,
-        component_mean=table.mean,
-        component_covariance=table.covariance,
+        component_mean=mean,
+        component_covariance=covariance,
         frame=table.frame,
         focal=table.focal,
         masses=table.masses,
@@ -45,9 +53,19 @@ def predictions_of(
 
 
 @lru_cache(maxsize=256)
-def _one_component_each(count: int) -> tuple[Int32Array, FloatArray, Int32Array]:
-    """First component, weights and models of ``count`` hypotheses with one component each."""
-    arrays = np.arange(count + 1, dtype=np.int32), np.ones(count), np.zeros(count, dtype=np.int32)
+def _components(count: int, models: int) -> tuple[Int32Array, Int32Array]:
+    """First component and models of ``count`` hypotheses with a component for each model."""
+    arrays = (
+        np.arange(0, (count + 1) * models, models, dtype=np.int32),
+        np.tile(np.arange(models, dtype=np.int32), count),
+    )
     for array in arrays:
         array.flags.writeable = False
     return arrays
+
+
+@lru_cache(maxsize=256)
+def _ones(count: int) -> FloatArray:
+    ones = np.ones(count)
+    ones.flags.writeable = False
+    return ones

@@ -8,6 +8,7 @@ from gda_tracker.kinematics.gaussian_filters import predict, update
 from gda_tracker.kinematics.motion_models import constant_velocity
 from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
 from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.model_states import predict_models, update_models, without_models
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import BoolArray, Int32Array
 from gda_tracker.vocabulary.beliefs import AttributeScores
@@ -17,7 +18,14 @@ from gda_tracker.vocabulary.scans import Scan
 def predict_states(
     table: HypothesisTable, dt_s: float, parameters: TrackManagerParameters
 ) -> HypothesisTable:
-    """Return the hypotheses ``dt_s`` [s] later; the table given stays as it is."""
+    """Return the hypotheses ``dt_s`` [s] later; the table given stays as it is.
+
+    Its rows get, or lose, the models of the filter that the parameters ask for.
+    """
+    if parameters.filter == "imm":
+        return predict_models(table, dt_s, parameters)
+    if table.model_weight.shape[1]:
+        table = without_models(table)
     if not len(table) or dt_s == 0.0:
         return table
     transition, noise = constant_velocity(dt_s, parameters.process_noise_std_mps2)
@@ -33,6 +41,9 @@ def update_states(table: HypothesisTable, scan: Scan, assigned: Int32Array) -> N
     """
     rows = np.flatnonzero(assigned >= 0)
     if not len(rows):
+        return
+    if table.model_weight.shape[1]:
+        update_models(table, polar_measurements(scan), rows, assigned[rows])
         return
     innovation = innovations(
         polar_measurements(scan), table.mean[rows], table.covariance[rows], assigned[rows]

@@ -23,7 +23,14 @@ from gda_tracker.resources import resource
 from gda_tracker.simulation.playback import Playback
 from gda_tracker.tracking.ring import Ring
 
-METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "gda/dempster/cv", "gda/pcr5/cv", "map/bayes/cv")
+METHODS = (
+    "gda/none/cv",
+    "gda/dsm_classic/cv",
+    "gda/dempster/cv",
+    "gda/pcr5/cv",
+    "map/bayes/cv",
+    "map/bayes/imm",
+)
 
 
 @pytest.mark.parametrize("method", METHODS)
