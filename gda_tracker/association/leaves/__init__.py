@@ -1,0 +1,1 @@
+"""Choice among the leaves of hypothesis trees: what the global hypotheses are computed with."""
