@@ -23,14 +23,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gda_tracker.association.errors import AssociationInputError, NoFeasibleHypothesis
+from gda_tracker.association.errors import AssociationInputError
 from gda_tracker.association.leaves.best import k_best_or_dropped
 from gda_tracker.association.leaves.limits import ENGINES, SearchLimits
 from gda_tracker.association.leaves.problem import (
-    CheckedLeaves,
     LeafProblem,
     check_leaves,
-    leaf_problem,
+    usable_problem,
 )
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
@@ -136,7 +135,7 @@ def best_global_hypothesis(
     """
     limits = limits or SearchLimits()
     leaves = check_leaves(log_score, track, used, log_dropped)
-    problem = _problem(leaves)
+    problem = usable_problem(leaves)
     leaf, log_weight = _alone(problem)
     engine = np.zeros(problem.n_clusters, dtype=np.int64)
     gap = np.zeros(problem.n_clusters)
@@ -198,7 +197,7 @@ def k_best_global_hypotheses(
         raise AssociationInputError(f"k = {k}: allowed are integers >= 1")
     limits = limits or SearchLimits()
     leaves = check_leaves(log_score, track, used, log_dropped)
-    problem = _problem(leaves)
+    problem = usable_problem(leaves)
     found = k_best_or_dropped(problem, np.arange(problem.n_clusters), k, leaves.log_dropped, limits)
     by_cluster: list[ClusterHypotheses | None] = [None] * problem.n_clusters
     order = problem.cluster.argsort(kind="stable")
@@ -217,20 +216,6 @@ def k_best_global_hypotheses(
                 float(found.gap[cluster]),
             )
     return tuple(hypotheses for hypotheses in by_cluster if hypotheses is not None)
-
-
-def _problem(leaves: CheckedLeaves) -> LeafProblem:
-    """Order the leaves; tracks without an allowed leaf can only be dropped."""
-    problem = leaf_problem(leaves)
-    without = (np.diff(problem.start) == 0).nonzero()[0]
-    if len(without) == 0:
-        return problem
-    if np.isneginf(leaves.log_dropped[without]).any():
-        raise NoFeasibleHypothesis(
-            f"track {leaves.track_ids[without[0]]} has only leaves of log score -inf, and "
-            "log_dropped allows no dropping"
-        )
-    return problem.with_drops(without, leaves.log_dropped)
 
 
 def _alone(problem: LeafProblem) -> tuple[IntArray, FloatArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -122,7 +122,7 @@ def _solve(
     rows = np.where(options >= 0, problem.row[stages.leaf[options]], DROPPED)
     found.parts.append((stages.clusters[answer.slot[kept]], rows, weights))
     for slot in (~proven).nonzero()[0].tolist():
-        single, own = _single(stages, slot)
+        single, own = stages.single(slot)
         position = np.full(len(stages.leaf), -1)
         position[own] = np.arange(len(own))
         known = answer.options[answer.slot == slot][:, : single.n_steps]
@@ -203,20 +203,3 @@ def _solve_hard(problem: LeafProblem, hard: _Hard, limits: SearchLimits) -> str:
 def _total(stages: Stages) -> float:
     """Sum of the best scores of the tracks of a batch of one cluster."""
     return float(stages.top().sum())
-
-
-def _single(batch: Stages, slot: int) -> tuple[Stages, IntArray]:
-    """One cluster of a batch on its own, and which leaves of the batch it has."""
-    size = int(batch.size[slot])
-    own = (batch.slot == slot).nonzero()[0]
-    stages = replace(
-        batch,
-        clusters=batch.clusters[slot : slot + 1],
-        size=batch.size[slot : slot + 1],
-        tracks=batch.tracks[slot : slot + 1, :size],
-        first=batch.first[:size, slot : slot + 1],
-        slot=np.zeros(len(batch.leaf), dtype=np.int64),
-    )
-    among = np.zeros(len(batch.leaf), dtype=np.bool_)
-    among[own] = True
-    return stages.keep(among), own

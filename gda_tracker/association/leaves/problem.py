@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from gda_tracker.association.errors import AssociationInputError
+from gda_tracker.association.errors import AssociationInputError, NoFeasibleHypothesis
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 
 DROPPED = -1
@@ -137,12 +137,29 @@ def check_leaves(
     )
 
 
-def leaf_problem(leaves: CheckedLeaves) -> LeafProblem:
+def usable_problem(leaves: CheckedLeaves) -> LeafProblem:
     """Order the leaves by track and find contested detections and clusters.
 
-    Leaves of log score -inf are left out. A track without any other has no leaf at all, which the
-    caller has to see to; its cluster is its own.
+    Leaves of log score -inf are left out. A track without any other can only be dropped.
+
+    Raises
+    ------
+    NoFeasibleHypothesis
+        If such a track's ``log_dropped`` is -inf.
     """
+    problem = _problem(leaves)
+    without = (np.diff(problem.start) == 0).nonzero()[0]
+    if len(without) == 0:
+        return problem
+    if np.isneginf(leaves.log_dropped[without]).any():
+        raise NoFeasibleHypothesis(
+            f"track {leaves.track_ids[without[0]]} has only leaves of log score -inf, and "
+            "log_dropped allows no dropping"
+        )
+    return problem.with_drops(without, leaves.log_dropped)
+
+
+def _problem(leaves: CheckedLeaves) -> LeafProblem:
     allowed = (leaves.log_score > -np.inf).nonzero()[0]
     order = allowed[leaves.owner[allowed].argsort(kind="stable")]
     owner = leaves.owner[order]

@@ -83,9 +83,7 @@ def search(
         value = value[parent] + deficit[option]
         mask = mask[:, parent] | stages.mask[:, option]
         if closing is not None:
-            for word_index, bit, cost in closing[step]:
-                unused = (mask[word_index] >> np.uint64(bit)) & np.uint64(1) == 0
-                value += np.where(unused, cost, 0.0)
+            value += unused_costs(mask, closing[step])
         mask &= stages.open_after[:, step, slot]
         kept = _best_of_states(slot, value, mask, k)
         kept = _narrow(kept, slot[kept], value[kept], width, left_out)
@@ -93,6 +91,14 @@ def search(
         slot, value, mask = slot[kept], value[kept], mask[:, kept]
     finished.append((np.arange(len(slot)), slot, value))
     return _trace(stages, trail, finished, left_out)
+
+
+def unused_costs(mask: WordArray, closing: Sequence[tuple[int, int, float]]) -> FloatArray:
+    """Sum of the costs of those detections that are not in the masks (W, R)."""
+    total = np.zeros(mask.shape[1])
+    for word, bit, cost in closing:
+        total += np.where((mask[word] >> np.uint64(bit)) & np.uint64(1) == 0, cost, 0.0)
+    return total
 
 
 def _best_of_states(slot: IntArray, value: FloatArray, mask: WordArray, k: int) -> IntArray:

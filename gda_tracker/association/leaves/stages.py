@@ -80,6 +80,20 @@ class Stages:
             open_after=_open_after(mask, step, slot, self.first.shape),
         )
 
+    def single(self, slot: int) -> tuple[Stages, IntArray]:
+        """Return one cluster as a batch of its own, and which of the leaves it has."""
+        size = int(self.size[slot])
+        own = self.slot == slot
+        alone = replace(
+            self,
+            clusters=self.clusters[slot : slot + 1],
+            size=self.size[slot : slot + 1],
+            tracks=self.tracks[slot : slot + 1, :size],
+            first=self.first[:size, slot : slot + 1],
+            slot=np.zeros(len(self.leaf), dtype=np.int64),
+        )
+        return alone.keep(own), own.nonzero()[0]
+
 
 def step_order(problem: LeafProblem) -> IntArray:
     """Rank (T,) of each track in its cluster: neighbours near each other, so that few are open."""
