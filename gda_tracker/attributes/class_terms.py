@@ -10,7 +10,7 @@ import numpy as np
 
 from gda_tracker.attributes.bayes import class_update, forget
 from gda_tracker.attributes.pair_beliefs import NO_FOCAL, PairBeliefs, Pairs
-from gda_tracker.vocabulary.arrays import FloatArray, empty_floats
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, empty_floats
 from gda_tracker.vocabulary.beliefs import Evidence
 
 # How far a column of transition probabilities may be from a sum of one.
@@ -54,6 +54,22 @@ def fuse_classes(pairs: Pairs) -> PairBeliefs:
         conflict=conflict,
         informative=informative,
     )
+
+
+def class_history(
+    classes: FloatArray,
+    log_class_likelihood: FloatArray,
+    class_transition: FloatArray | None,
+    predicted: BoolArray,
+) -> FloatArray:
+    """Class probabilities (R, C) after one more detection each, as :func:`fuse_classes` has them.
+
+    ``log_class_likelihood`` (R, C) is that of the detections; ``predicted`` (R,) is False for a
+    first detection, before which no class can have changed.
+    """
+    if class_transition is not None:
+        classes = np.where(predicted[:, None], classes @ class_transition.T, classes)
+    return class_update(classes, log_class_likelihood)[0]
 
 
 def _check_size(class_transition: FloatArray, evidence: Evidence) -> None:

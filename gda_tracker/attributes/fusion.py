@@ -35,26 +35,23 @@ from gda_tracker.attributes.class_terms import class_prior, fuse_classes, transi
 from gda_tracker.attributes.mass_terms import fuse_masses
 from gda_tracker.attributes.pair_beliefs import NO_FOCAL, PairBeliefs, Pairs, without_attribute
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS
+from gda_tracker.attributes.window_histories import (
+    Histories,
+    replace_rows,
+    window_histories,
+    windows_of,
+)
 from gda_tracker.evidence.frames import total_ignorance
 from gda_tracker.parameters import ParameterError, parameter, specifications
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, MaskArray, empty_floats
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
-from gda_tracker.vocabulary.hypotheses import Predictions
+from gda_tracker.vocabulary.hypotheses import HISTORY_POLICIES, Predictions
 
 
 @dataclass(frozen=True)
 class AttributeFusionParameters:
-    """How histories are carried on; which term is used travels with the predictions."""
+    """How classes change; term and history policy travel with the predictions."""
 
-    forgetting_factor: float = parameter(
-        1.0,
-        "share of the history kept at each detection with a known attribute, the rest becomes "
-        "ignorance (bayes: is spread over the possible classes); 1 forgets nothing, a history of "
-        "dsm_classic then drifts into the total intersection; what less does to purity is measured "
-        "in docs/attribute-terms.md",
-        minimum=0.0,
-        maximum=1.0,
-    )
     class_transition: list[float] = parameter(
         [],
         "bayes: probabilities that a target changes its class from one detection with a known "
@@ -117,7 +114,8 @@ def fuse_pairs(
     detection
         (P,) row of each pair's detection in the evidence.
     forgetting_factor
-        Share of the history kept, see :class:`AttributeFusionParameters`.
+        Share of the history kept; the rest becomes ignorance (``bayes``: is spread over the
+        possible classes).
     class_transition
         (C, C) p(c | c') in row c and column c', for the term ``bayes``; ``None``: no change.
 
@@ -193,7 +191,13 @@ class AttributeFusion:
         """
         if predictions.key != evidence.key:
             raise ValueError(f"evidence of {evidence.key} for predictions of {predictions.key}")
-        term = predictions.settings.attribute_term
+        settings = predictions.settings
+        term = settings.attribute_term
+        if settings.history_policy not in HISTORY_POLICIES:
+            raise ValueError(
+                f"history_policy = {settings.history_policy!r}: allowed is one of "
+                f"{', '.join(HISTORY_POLICIES)}"
+            )
         # Classes are tied to the elements of the frame: other classes make it another frame. Such
         # histories, and those of hypotheses that have none yet, need not even have rows.
         known = (
@@ -201,15 +205,20 @@ class AttributeFusion:
         )
         believed = known and len(predictions.focal) > 0
         none = empty_floats(len(hypothesis), 0)
-        pairs = fuse_pairs(
-            term,
-            evidence.frame,
+        histories = (
             predictions.focal if believed else NO_FOCAL,
             predictions.masses[hypothesis] if believed else none,
             predictions.class_probability[hypothesis] if known else none,
+        )
+        if settings.history_policy == "window" and known and len(hypothesis):
+            histories = self._of_windows(predictions, evidence, hypothesis, detection, histories)
+        pairs = fuse_pairs(
+            term,
+            evidence.frame,
+            *histories,
             evidence,
             detection,
-            self.parameters.forgetting_factor,
+            settings.forgetting_factor if settings.history_policy == "forgetting" else 1.0,
             self.class_transition,
         )
         if term == "none":
@@ -233,3 +242,30 @@ class AttributeFusion:
             class_names=evidence.class_names,
             class_probability=pairs.class_probability,
         )
+
+    def _of_windows(
+        self,
+        predictions: Predictions,
+        evidence: Evidence,
+        hypothesis: Int32Array,
+        detection: Int32Array,
+        beliefs: Histories,
+    ) -> Histories:
+        """Histories of the pairs from the windows of their hypotheses.
+
+        A pair without a known attribute would not move the window: it keeps the belief itself.
+        """
+        # Each hypothesis once, however many pairs it has.
+        rows, of_pair = np.unique(hypothesis, return_inverse=True)
+        focal, masses, classes = window_histories(
+            predictions.settings.attribute_term,
+            evidence.frame,
+            windows_of(predictions, rows),
+            class_prior(evidence),
+            self.class_transition,
+        )
+        histories = focal, masses[of_pair], classes[of_pair]
+        unknown = ~evidence.informative[detection]
+        if not unknown.any():
+            return histories
+        return replace_rows(histories, beliefs, unknown, total_ignorance(len(evidence.frame)))

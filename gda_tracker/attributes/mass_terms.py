@@ -21,7 +21,7 @@ from gda_tracker.evidence.batches import combine_rows, discount_columns, history
 from gda_tracker.evidence.decisions import pignistic_matrix
 from gda_tracker.evidence.frames import free_model, shafer_model
 from gda_tracker.evidence.rules import conjunction_table, conjunctive, dempster, discount
-from gda_tracker.vocabulary.arrays import FloatArray, MaskArray
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, MaskArray
 
 Fused = tuple[FloatArray, FloatArray]
 
@@ -91,6 +91,44 @@ def fuse_masses(term: str, pairs: Pairs) -> PairBeliefs:
         conflict=np.ascontiguousarray(conflict),
         informative=informative,
     )
+
+
+def fuse_rows(
+    term: str,
+    frame: tuple[str, ...],
+    history_focal: MaskArray,
+    history: FloatArray,
+    measurement_focal: MaskArray,
+    measurement: FloatArray,
+    chosen: BoolArray,
+) -> tuple[MaskArray, FloatArray]:
+    """Fuse history with measurement, row with row, by the rule of a term.
+
+    Parameters
+    ----------
+    term
+        A term with masses.
+    frame
+        Frame of the masses.
+    history_focal, history
+        (E0,) columns and (R, E0) masses.
+    measurement_focal, measurement
+        (F,) columns and (R, F) masses.
+    chosen
+        (R,) rows that are fused; the others stay as they are.
+
+    Returns
+    -------
+    focal, masses
+        (E,) columns and (R, E) masses.
+    """
+    term_on = _fusion(term, frame, history_focal.tobytes(), measurement_focal.tobytes())
+    masses = history if term_on.embedding is None else history @ term_on.embedding
+    if chosen.all():
+        return term_on.focal, term_on.fuse(masses, measurement)[0]
+    masses = masses.copy()
+    masses[chosen] = term_on.fuse(masses[chosen], measurement[chosen])[0]
+    return term_on.focal, masses
 
 
 @lru_cache(maxsize=128)

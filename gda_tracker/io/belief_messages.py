@@ -32,7 +32,13 @@ from gda_tracker.io.fields import (
 from gda_tracker.io.scan_messages import key_from_message, key_to_message
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
-from gda_tracker.vocabulary.hypotheses import Associations, AssociationSettings, Predictions
+from gda_tracker.vocabulary.hypotheses import (
+    BELIEF_ROW,
+    NO_ROW,
+    Associations,
+    AssociationSettings,
+    Predictions,
+)
 
 STATE_SIZE = 4  # of a message without components: x, y, vx, vy
 
@@ -101,6 +107,9 @@ def predictions_to_message(predictions: Predictions) -> Any:
     message.gate_probability = float(settings.gate_probability)
     message.clutter_density = float(settings.clutter_density)
     message.degraded = bool(settings.degraded)
+    message.history_policy = str(settings.history_policy)
+    if settings.history_policy == "forgetting":
+        message.forgetting_factor = [float(settings.forgetting_factor)]
     message.hypothesis_id = int64_to_field(predictions.hypothesis_id)
     message.parent_id = int64_to_field(predictions.parent_id)
     message.track_id = int64_to_field(predictions.track_id)
@@ -115,6 +124,13 @@ def predictions_to_message(predictions: Predictions) -> Any:
     message.masses = floats_to_field(predictions.masses)
     message.class_names = [str(name) for name in predictions.class_names]
     message.class_probability = floats_to_field(predictions.class_probability)
+    if predictions.window_kind.size:
+        message.window_focal = masks_to_field(predictions.window_focal)
+        message.window_kind = indices_to_field(predictions.window_kind, "window_kind")
+        message.window_masses = floats_to_field(predictions.window_masses)
+        message.window_log_class_likelihood = floats_to_field(
+            predictions.window_log_class_likelihood
+        )
     return message
 
 
@@ -122,6 +138,11 @@ def predictions_from_message(message: Any) -> Predictions:
     """Return the predictions in a ``Predictions`` message.
 
     Without components the state dimension is not in the message: it comes back as 4.
+
+    Raises
+    ------
+    MessageError
+        If sizes contradict each other, or a row of a window is of an unknown kind.
     """
     hypothesis_id = int64_from_field(message.hypothesis_id)
     component_weight = floats_from_field(message.component_weight)
@@ -140,6 +161,8 @@ def predictions_from_message(message: Any) -> Predictions:
             gate_probability=float(message.gate_probability),
             clutter_density=float(message.clutter_density),
             degraded=bool(message.degraded),
+            history_policy=str(message.history_policy) or "none",
+            forgetting_factor=_optional_float(message, "forgetting_factor", 1.0),
         ),
         hypothesis_id=hypothesis_id,
         parent_id=require_size(int64_from_field(message.parent_id), hypotheses, "parent_id"),
@@ -157,7 +180,35 @@ def predictions_from_message(message: Any) -> Predictions:
         masses=_floats(message, "masses", hypotheses, len(focal)),
         class_names=class_names,
         class_probability=_floats(message, "class_probability", hypotheses, len(class_names)),
+        **_window_from_message(message, hypotheses, len(class_names)),
     )
+
+
+def _optional_float(message: Any, name: str, missing: float) -> float:
+    values = floats_from_field(getattr(message, name))
+    return float(require_size(values, 1, name)[0]) if len(values) else missing
+
+
+def _window_from_message(message: Any, hypotheses: int, classes: int) -> dict[str, Any]:
+    """Return the fields of a window; none for a message without one."""
+    kind = indices_from_field(message.window_kind)
+    if not len(kind):
+        for name in ("window_focal", "window_masses", "window_log_class_likelihood"):
+            if len(getattr(message, name)):
+                raise MessageError(f"{name} has elements, window_kind has none")
+        return {}
+    if kind.max() > BELIEF_ROW:
+        raise MessageError(f"window_kind holds {kind.max()}: allowed is {NO_ROW} to {BELIEF_ROW}")
+    rows = len(kind) // max(hypotheses, 1)
+    focal = masks_from_field(message.window_focal)
+    return {
+        "window_focal": focal,
+        "window_kind": reshape(kind, (hypotheses, rows), "window_kind"),
+        "window_masses": _floats(message, "window_masses", hypotheses, rows, len(focal)),
+        "window_log_class_likelihood": _floats(
+            message, "window_log_class_likelihood", hypotheses, rows, classes
+        ),
+    }
 
 
 def _component_start(message: Any, hypotheses: int, components: int) -> Int32Array:

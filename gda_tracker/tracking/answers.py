@@ -88,7 +88,22 @@ def _check_beliefs(name: str, answer: Evidence | AttributeScores, rows: int) -> 
             )
         if not np.isfinite(values).all():
             raise Inconsistent(f"{name}: {part} is not finite")
-    if isinstance(answer, AttributeScores) and answer.conflict.shape != (rows,):
+    if isinstance(answer, Evidence):
+        _check_evidence_rows(answer, rows)
+    elif answer.conflict.shape != (rows,):
         raise Inconsistent(
             f"{name}: conflict has shape {answer.conflict.shape}, expected ({rows},)"
         )
+
+
+def _check_evidence_rows(evidence: Evidence, rows: int) -> None:
+    """Check what only a history window takes over from the evidence."""
+    likelihood, expected = evidence.log_class_likelihood, (rows, len(evidence.class_names))
+    if likelihood.shape != expected or evidence.informative.shape != (rows,):
+        raise Inconsistent(
+            f"evidence: log_class_likelihood and informative have shapes {likelihood.shape} and "
+            f"{evidence.informative.shape}, expected are {expected} and ({rows},)"
+        )
+    # Minus infinity is an answer: the class never gives such a detection.
+    if not (likelihood < np.inf).all():
+        raise Inconsistent("evidence: log_class_likelihood is not a number below infinity")

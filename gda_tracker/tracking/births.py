@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gda_tracker.kinematics.sensor_models import polar_measurements
+from gda_tracker.tracking.history_window import begin_windows
 from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
 from gda_tracker.tracking.initiation import NewTracks, StartPoints, bounded_speed, start_tracks
 from gda_tracker.tracking.lifecycle import confirmed
@@ -94,6 +95,7 @@ def hypotheses_of_births(
         masses=masses,
         class_probability=classes,
     )
+    begin_windows(started, table, evidence, detection)
     started.status = confirmed(
         started.status,
         started.history,

@@ -34,6 +34,7 @@ from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 MAGIC = b"gda_tracker checkpoint 3\n"
 _LENGTH = struct.Struct("<Q")
 _CHECKSUM = struct.Struct("<I")
+_TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal")
 _POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))
 # Fields of ManagerState that are written as they are.
 _PLAIN = ("next_track_id", "next_hypothesis_id", "last_ns", "degraded", "scans_closed")
@@ -52,7 +53,7 @@ def save(manager: TrackManager, path: Path) -> None:
         If the file cannot be written; what was there before is untouched.
     """
     state = manager.state
-    arrays = {f"table_{name}": getattr(state.table, name) for name in (*ROW_FIELDS, "focal")}
+    arrays = {f"table_{name}": getattr(state.table, name) for name in _TABLE_FIELDS}
     arrays |= {f"points_{name}": getattr(state.points, name) for name in _POINT_FIELDS}
     arrays["deleted_track_id"] = state.deleted_track_id
     described = [[name, values.dtype.str, values.shape] for name, values in arrays.items()]
@@ -149,7 +150,7 @@ def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> M
     if rest["last_report"] is not None and key is not None:
         report = ScanReport(key=key, **rest["last_report"])
     origin = rest["initialised_from"]
-    table: dict[str, Any] = {name: arrays[f"table_{name}"] for name in (*ROW_FIELDS, "focal")}
+    table: dict[str, Any] = {name: arrays[f"table_{name}"] for name in _TABLE_FIELDS}
     return ManagerState(
         **{name: rest[name] for name in _PLAIN},
         table=HypothesisTable(

@@ -7,7 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from gda_tracker.vocabulary.arrays import FloatArray, IntArray, MaskArray, empty_floats
+from gda_tracker.vocabulary.arrays import (
+    FloatArray,
+    Int32Array,
+    IntArray,
+    MaskArray,
+    empty_floats,
+)
 
 
 def _ints() -> IntArray:
@@ -21,7 +27,9 @@ class HypothesisTable:
     ``mean`` (H, s) [m, m/s], ``covariance`` (H, s, s); ``history`` (H,) has the hits of the last
     scans as bits, newest in bit 0; ``detection_index`` (H,) is the row of the last scan's detection
     in the source's array, -1 for none. Beliefs: ``masses`` (H, E) over the Venn bitmasks ``focal``
-    of the frame, ``class_probability`` (H, C), ``conflict`` (H,).
+    of the frame, ``class_probability`` (H, C), ``conflict`` (H,). The fields of the history window
+    are those of ``Predictions``, see :mod:`gda_tracker.tracking.history_window`; no columns without
+    a window.
 
     With interacting multiple models ``mean`` and ``covariance`` are the moments of the mixture of
     M models ``model_weight`` (H, M), ``model_mean`` (H, M, s), ``model_covariance`` (H, M, s, s);
@@ -48,12 +56,19 @@ class HypothesisTable:
     model_weight: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     model_mean: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 4))
     model_covariance: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 4, 4))
+    window_kind: Int32Array = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int32))
+    window_masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
+    window_log_class_likelihood: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
     # Not per row:
     frame: tuple[str, ...] = ()
     focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
     class_names: tuple[str, ...] = ()
+    window_focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
 
     def __post_init__(self) -> None:
+        """Give rows that were made without a window or without models empty ones."""
+        if not self.window_kind.size and len(self.window_kind) != len(self):
+            self.clear_windows(0)
         if len(self.model_weight) != len(self) and not self.model_weight.size:
             # Not given: no models, for as many rows as there are.
             h, s = self.mean.shape
@@ -97,6 +112,16 @@ class HypothesisTable:
         self.masses = np.ones((h, 1))
         self.class_probability = np.full((h, len(class_names)), 1.0 / max(len(class_names), 1))
         self.conflict = np.zeros(h)
+        self.clear_windows(self.window_kind.shape[1])
+
+    def clear_windows(self, rows: int) -> None:
+        """Let every hypothesis have a history window of so many rows with nothing in it."""
+        h = len(self)
+        self.window_focal = np.zeros(0, dtype=np.uint32)
+        self.window_kind = np.zeros((h, rows), dtype=np.int32)
+        self.window_masses = empty_floats(h, rows, 0)
+        classes = len(self.class_names) if rows else 0
+        self.window_log_class_likelihood = empty_floats(h, rows, classes)
 
     def use_focal(self, focal: MaskArray) -> None:
         """Widen the focal columns so that they start with ``focal``; no mass is lost."""
@@ -120,6 +145,6 @@ def move_columns(masses: FloatArray, focal: MaskArray, columns: MaskArray) -> Fl
     return moved
 
 
-WHOLE_FIELDS = ("frame", "focal", "class_names")
+WHOLE_FIELDS = ("frame", "focal", "class_names", "window_focal")
 ALL_FIELDS = tuple(f.name for f in fields(HypothesisTable))
 ROW_FIELDS = tuple(name for name in ALL_FIELDS if name not in WHOLE_FIELDS)

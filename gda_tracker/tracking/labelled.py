@@ -28,7 +28,8 @@ def labelled_tracks(
 
     States come from two-point differencing of the last two of them, the belief is that of the first
     detection fused with those that follow by the attribute term of the ring's parameters (Tchamova
-    et al. 2004, section 14.2.2 and the scenario files' ``history_initialisation``). Track ids count
+    et al. 2004, section 14.2.2 and the scenario files' ``history_initialisation``), under the
+    history policy ``window`` no more than the last of them. Track ids count
     the targets by rising id, from 1; the stamp is that of the last initiation scan. ``prepared``
     are these scans as :meth:`Ring.prepare` makes them, if they are known already.
 
@@ -46,6 +47,8 @@ def labelled_tracks(
             f"{n_initiation_scans}"
         )
     manager = ring.manager.parameters
+    windowed = manager.history_policy == "window"
+    window = manager.history_window if windowed else n_initiation_scans
     if prepared is None:
         prepared = [ring.prepare(scan) for scan in recording.detections[:n_initiation_scans]]
     targets = np.sort(recording.truth[0].target_id)
@@ -59,7 +62,7 @@ def labelled_tracks(
         positions.append(position[rows])
         covariances.append(covariance[rows])
         stamps.append(scan.key.stamp_ns)
-        if step == 0:
+        if step == 0 or step <= n_initiation_scans - window:
             frame, focal = evidence.frame, evidence.focal
             masses, classes = evidence.masses[rows], evidence.class_probability[rows]
             conflict = np.zeros(count)
@@ -72,7 +75,7 @@ def labelled_tracks(
                 classes,
                 evidence,
                 rows,
-                ring.fusion.parameters.forgetting_factor,
+                manager.share_kept,
                 ring.fusion.class_transition,
             )
             classes, conflict = fused.class_probability, fused.conflict

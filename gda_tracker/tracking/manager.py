@@ -24,6 +24,7 @@ from gda_tracker.tracking.births import (
     unassigned_detections,
 )
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
+from gda_tracker.tracking.history_window import remember, with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initial_tracks import fault_of_initial_tracks, hypotheses_of_tracks
 from gda_tracker.tracking.initiation import StartPoints
@@ -221,7 +222,7 @@ class TrackManager:
             self._generation = waiting.generation
             ended_ids, started, dt_s = table.track_id, True, 0.0
             table = table.select(np.zeros(len(table), dtype=bool))
-        table = predict_states(table, dt_s, p)
+        table = with_window(predict_states(table, dt_s, p), p.window_rows)
         self.opened = OpenScan(
             scan,
             predictions_of(scan.key, table, p),
@@ -267,6 +268,9 @@ class TrackManager:
             table.use_frame(evidence.frame, evidence.class_names)
         if scores is not None and not associations.degraded:
             update_beliefs(table, scores, associations.chosen)
+            if evidence is not None:
+                taken = np.flatnonzero(associations.chosen)
+                remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])
 
         p = self.parameters
         table.history = ((table.history << 1) & np.int64((1 << 60) - 1)) | hit

@@ -9,10 +9,12 @@ from gda_tracker.attributes.terms import ATTRIBUTE_TERMS
 from gda_tracker.kinematics.motion_models import FILTERS
 from gda_tracker.parameters import ParameterError, parameter
 from gda_tracker.tracking.lifecycle import LONGEST_WINDOW
+from gda_tracker.vocabulary.hypotheses import HISTORY_POLICIES
 
 INITIATIONS = ("automatic", "labelled")
 # The number of a model travels in one byte; more than a few gain nothing.
 MOST_MODELS = 16
+LONGEST_HISTORY_WINDOW = 100
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,27 @@ class TrackManagerParameters:
     )
     deletion_misses: int = parameter(
         4, "scans in a row without a detection that end a confirmed track; 0: never", minimum=0
+    )
+    history_policy: str = parameter(
+        "none",
+        "what a track's attribute history is made of: none, all its detections; forgetting, all, "
+        "each counting less with every further one; window, the last ones; what this does to "
+        "purity is measured in docs/attribute-terms.md",
+        choices=HISTORY_POLICIES,
+    )
+    forgetting_factor: float = parameter(
+        1.0,
+        "history_policy forgetting: share of the history kept at each detection with a known "
+        "attribute, the rest becomes ignorance (bayes: is spread over the possible classes)",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    history_window: int = parameter(
+        0,
+        "history_policy window: how many of a track's last detections with a known attribute its "
+        "belief is made of",
+        minimum=0,
+        maximum=LONGEST_HISTORY_WINDOW,
     )
     tracking_frame: str = parameter(
         "map", "frame in which sensor poses are given and tracks are published", live=False
@@ -293,3 +316,23 @@ class TrackManagerParameters:
                 f"parameter detections_depth = {self.detections_depth}: allowed is at least "
                 f"queue_depth = {self.queue_depth}"
             )
+        if self.history_policy == "forgetting" and self.forgetting_factor >= 1.0:
+            raise ParameterError(
+                "parameter history_policy = 'forgetting': allowed with a forgetting_factor below "
+                f"1, which is {self.forgetting_factor:g}"
+            )
+        if self.history_policy == "window" and self.history_window < 1:
+            raise ParameterError(
+                "parameter history_policy = 'window': allowed with a history_window of at least "
+                f"1, which is {self.history_window}"
+            )
+
+    @property
+    def share_kept(self) -> float:
+        """Share of the history kept at each detection: the forgetting factor, if that acts."""
+        return self.forgetting_factor if self.history_policy == "forgetting" else 1.0
+
+    @property
+    def window_rows(self) -> int:
+        """Rows of evidence kept of each hypothesis: one less than the window, 0 without one."""
+        return self.history_window - 1 if self.history_policy == "window" else 0

@@ -34,6 +34,8 @@ def predictions_of(
             missed_track_hypotheses=parameters.missed_track_hypotheses,
             gate_probability=parameters.gate_probability,
             clutter_density=parameters.clutter_density_per_m_rad,
+            history_policy=parameters.history_policy,
+            forgetting_factor=parameters.share_kept,
         ),
         hypothesis_id=table.hypothesis_id,
         parent_id=table.parent_id,
@@ -49,6 +51,10 @@ def predictions_of(
         masses=table.masses,
         class_names=table.class_names,
         class_probability=table.class_probability,
+        window_focal=table.window_focal,
+        window_kind=table.window_kind,
+        window_masses=table.window_masses,
+        window_log_class_likelihood=table.window_log_class_likelihood,
     )
 
 

@@ -16,6 +16,13 @@ from gda_tracker.vocabulary.arrays import (
 )
 from gda_tracker.vocabulary.scans import ScanKey
 
+# What is carried on of a track's attribute history.
+HISTORY_POLICIES = ("none", "forgetting", "window")
+
+# Kinds of rows in a history window: none yet, the evidence of a detection, a belief that was there
+# before the window was (of initial tracks, or when the policy changed).
+NO_ROW, EVIDENCE_ROW, BELIEF_ROW = 0, 1, 2
+
 
 @dataclass(slots=True, frozen=True)
 class AssociationSettings:
@@ -23,7 +30,9 @@ class AssociationSettings:
 
     ``clutter_density`` has the unit 1/(m rad): detections per measurement volume that belong to no
     track. ``degraded``: the track manager has given up the attribute scores; kinematics alone
-    decide.
+    decide. ``history_policy`` is one of ``HISTORY_POLICIES``; ``forgetting_factor``, the share of
+    the history kept at each detection with a known attribute, goes with ``forgetting``; how long
+    the window is shows in the predictions' arrays.
     """
 
     decision: str = "gda"
@@ -32,6 +41,8 @@ class AssociationSettings:
     gate_probability: float = 0.99
     clutter_density: float = 1e-6
     degraded: bool = False
+    history_policy: str = "none"
+    forgetting_factor: float = 1.0
 
 
 @dataclass(slots=True)
@@ -42,6 +53,12 @@ class Predictions:
     1]`` of ``component_weight`` (K,), ``component_mean`` (K, s) [m, m/s] and
     ``component_covariance`` (K, s, s); the state is all positions, then all velocities. ``masses``
     (H, E) over ``focal`` and ``class_probability`` (H, C) are the attribute histories.
+
+    With the history policy ``window`` of W detections, and else empty: the last W - 1 rows of
+    evidence of each hypothesis, the newest last, missing ones first. ``window_kind`` (H, W - 1)
+    says what a row is (``NO_ROW``, ``EVIDENCE_ROW``, ``BELIEF_ROW``); ``window_masses`` (H, W - 1,
+    F) over the Venn bitmasks ``window_focal`` (F,) and ``window_log_class_likelihood`` (H, W - 1,
+    C) are those of ``Evidence``; of a ``BELIEF_ROW`` the latter are log class probabilities.
     """
 
     key: ScanKey
@@ -60,6 +77,10 @@ class Predictions:
     masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     class_names: tuple[str, ...] = ()
     class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    window_focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
+    window_kind: Int32Array = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int32))
+    window_masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
+    window_log_class_likelihood: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
 
     def __len__(self) -> int:
         return len(self.hypothesis_id)

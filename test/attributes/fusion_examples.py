@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from attribute_examples import predictions_of
 
@@ -15,6 +17,14 @@ EIGHT = ["VS", "S", "B", "VS&S", "VS&B", "S&B", "VS&S&B", "VS|S|B"]
 
 def stage(**changes):
     return AttributeFusion(from_mapping(AttributeFusionParameters, changes))
+
+
+def forgetful(predictions, factor):
+    """The predictions, with a forgetting factor."""
+    settings = replace(
+        predictions.settings, history_policy="forgetting", forgetting_factor=factor
+    )
+    return replace(predictions, settings=settings)
 
 
 def columns(texts, frame=FRAME):

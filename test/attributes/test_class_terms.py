@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from attribute_examples import scan_of
-from fusion_examples import all_pairs, histories, stage
+from fusion_examples import all_pairs, forgetful, histories, stage
 
 from gda_tracker.attributes.class_terms import transition_matrix
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
@@ -45,7 +45,7 @@ def test_bayes_forgets_towards_the_possible_classes(evidence):
     predictions = histories("bayes", 1)
     predictions.class_probability = np.array([[0.0, 1e-9, 1.0 - 1e-9]])
     pair = np.zeros(1, dtype=np.int32), np.ones(1, dtype=np.int32)
-    scores = stage(forgetting_factor=0.9)(predictions, evidence, *pair)
+    scores = stage()(forgetful(predictions, 0.9), evidence, *pair)
     joint = np.array([0.0, 0.05, 0.95]) * np.exp(evidence.log_class_likelihood[1])
     np.testing.assert_allclose(scores.class_probability[0], joint / joint.sum(), rtol=1e-6)
     assert scores.class_probability[0, 0] == 0.0

@@ -1,13 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from attribute_examples import KEY, predictions_of, scan_of
 from dictionary_rules import assert_same, from_row
-from fusion_examples import CLASSES, FRAME, all_pairs, histories, stage
+from fusion_examples import CLASSES, FRAME, all_pairs, forgetful, histories, stage
 
 from gda_tracker.attributes.fusion import class_prior, fuse_pairs
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS
-from gda_tracker.parameters import ParameterError
 from gda_tracker.vocabulary import ScanKey
 
 
@@ -80,9 +81,7 @@ def test_an_unknown_attribute_leaves_the_history_and_scores_nothing(
     hypothesis, detection = all_pairs(4, 5)
     # The columns of Shafer's model carry no intersections for dempster to project.
     predictions = histories(term, texts=["VS", "S", "B", "VS|S|B"])
-    scores = stage(forgetting_factor=forgetting_factor)(
-        predictions, evidence, hypothesis, detection
-    )
+    scores = stage()(forgetful(predictions, forgetting_factor), evidence, hypothesis, detection)
     unknown = detection == 3
     assert not scores.informative[unknown].any()
     for array in (scores.distance, scores.log_likelihood, scores.conflict):
@@ -109,7 +108,7 @@ def test_the_inputs_are_left_as_they_are(evidence, term):
     predictions = histories(term)
     masses, beliefs = predictions.masses.copy(), predictions.class_probability.copy()
     measured = evidence.masses.copy(), evidence.log_class_likelihood.copy()
-    scores = stage(forgetting_factor=0.5)(predictions, evidence, *all_pairs(4, 5))
+    scores = stage()(forgetful(predictions, 0.5), evidence, *all_pairs(4, 5))
     scores.masses[:] = -1.0
     scores.class_probability[:] = -1.0
     scores.clutter_log_likelihood[:] = -1.0
@@ -128,9 +127,19 @@ def test_wrong_term_and_foreign_evidence_are_refused(evidence):
         stage()(predictions, evidence, *all_pairs(4, 5))
 
 
-def test_wrong_forgetting_factor_is_named():
-    with pytest.raises(ParameterError, match="forgetting_factor = 1.5: allowed is a number >= 0"):
-        stage(forgetting_factor=1.5)
+def test_an_unknown_history_policy_is_refused(evidence):
+    predictions = histories("bayes")
+    predictions.settings = replace(predictions.settings, history_policy="oblivion")
+    with pytest.raises(ValueError, match="'oblivion': allowed is one of none, forgetting, window"):
+        stage()(predictions, evidence, *all_pairs(4, 5))
+
+
+def test_a_forgetting_factor_acts_with_its_policy_alone(evidence):
+    predictions = histories("dsm_classic")
+    predictions.settings = replace(predictions.settings, forgetting_factor=0.3)
+    scores = stage()(predictions, evidence, *all_pairs(4, 5))
+    expected = stage()(histories("dsm_classic"), evidence, *all_pairs(4, 5))
+    np.testing.assert_array_equal(scores.masses, expected.masses)
 
 
 def test_without_attribute_nothing_is_scored_and_beliefs_pass(evidence):

@@ -8,7 +8,7 @@ from attribute_examples import KEY, predictions_of, scan_of
 from dictionary_rules import NoAnswer, assert_same, atom, combine, from_row, reduced, shafer_parts
 from dictionary_rules import pignistic as dictionary_pignistic
 from dictionary_rules import project as dictionary_project
-from fusion_examples import CLASSES, EIGHT, FRAME, all_pairs, columns, histories, stage
+from fusion_examples import CLASSES, EIGHT, FRAME, all_pairs, columns, forgetful, histories, stage
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -374,10 +374,10 @@ def test_forgetting_discounts_the_history_before_it_is_fused(fuzzifier, term):
     discounted.masses = 0.8 * discounted.masses
     discounted.masses[:, 3] += 0.2
     pairs = all_pairs(4, 4)
-    forgetful = stage(forgetting_factor=0.8)(predictions, evidence, *pairs)
+    scores = stage()(forgetful(predictions, 0.8), evidence, *pairs)
     by_hand = stage()(discounted, evidence, *pairs)
     for name in ("focal", "masses", "distance", "log_likelihood", "conflict"):
-        np.testing.assert_allclose(getattr(forgetful, name), getattr(by_hand, name), atol=1e-14)
+        np.testing.assert_allclose(getattr(scores, name), getattr(by_hand, name), atol=1e-14)
 
 
 def test_forgetting_keeps_the_distance_alive(fuzzifier):
@@ -389,7 +389,7 @@ def test_forgetting_keeps_the_distance_alive(fuzzifier):
         predictions.class_probability = np.array([[0.0, 0.5, 0.5]])
         for _ in range(25):
             pair = np.zeros(1, dtype=np.int32)
-            scores = stage(forgetting_factor=factor)(predictions, evidence, pair, pair)
+            scores = stage()(forgetful(predictions, factor), evidence, pair, pair)
             predictions.focal, predictions.masses = scores.focal, scores.masses
         distance[factor] = scores.distance[0]
     assert distance[1.0] < 0.02

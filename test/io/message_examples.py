@@ -123,12 +123,30 @@ def evidence(count: int = 7, focal: int = 4) -> Evidence:
     )
 
 
-def predictions(count: int = 5, components: int = 2, focal: int = 19) -> Predictions:
-    """Return predictions of Gaussian mixtures."""
+def predictions(
+    count: int = 5, components: int = 2, focal: int = 19, policy: str = "none", rows: int = 0
+) -> Predictions:
+    """Return predictions of Gaussian mixtures, with history windows of so many rows."""
     total = count * components
+    window = {
+        "window_focal": np.arange(3, 7, dtype=np.uint32),
+        "window_kind": (np.arange(count * rows, dtype=np.int32) % 3).reshape(count, rows),
+        "window_masses": floats(count, rows, 4, seed=7),
+        "window_log_class_likelihood": floats(count, rows, len(CLASSES), seed=8),
+    }
+    settings = AssociationSettings(
+        "map",
+        "bayes",
+        "table_14_3",
+        0.9999,
+        1.0 / 3.0,
+        True,
+        history_policy=policy,
+        forgetting_factor=1.0 / 7.0 if policy == "forgetting" else 1.0,
+    )
     return Predictions(
         key=KEY,
-        settings=AssociationSettings("map", "bayes", "table_14_3", 0.9999, 1.0 / 3.0, True),
+        settings=settings,
         hypothesis_id=np.arange(count, dtype=np.int64) + 2**62,
         parent_id=np.arange(count, dtype=np.int64),
         track_id=np.arange(count, dtype=np.int64) // 2,
@@ -143,6 +161,7 @@ def predictions(count: int = 5, components: int = 2, focal: int = 19) -> Predict
         masses=floats(count, focal, seed=5),
         class_names=CLASSES,
         class_probability=floats(count, len(CLASSES), seed=6),
+        **(window if rows else {}),
     )
 
 

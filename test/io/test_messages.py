@@ -37,6 +37,9 @@ ROUND_TRIPS = {
             examples.predictions(300, 1),
             examples.predictions(0),
             examples.predictions(3, 1, 0),
+            examples.predictions(policy="forgetting"),
+            examples.predictions(policy="window", rows=6),
+            examples.predictions(policy="window"),
         ],
     ),
     "attribute_scores": (

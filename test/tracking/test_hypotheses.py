@@ -26,9 +26,16 @@ def table_of(h, focal=(1, 2, 4), seed=0):
         "conflict": rng.random(h),
         "masses": rng.dirichlet(np.ones(len(focal)), h).reshape(h, len(focal)),
         "class_probability": rng.dirichlet(np.ones(3), h).reshape(h, 3),
+        "window_kind": rng.integers(0, 3, (h, 2), dtype=np.int32),
+        "window_masses": rng.dirichlet(np.ones(4), (h, 2)).reshape(h, 2, 4),
+        "window_log_class_likelihood": rng.normal(size=(h, 2, 3)),
     }
     return HypothesisTable(
-        **values, frame=FRAME, focal=np.array(focal, dtype=np.uint32), class_names=CLASSES
+        **values,
+        frame=FRAME,
+        focal=np.array(focal, dtype=np.uint32),
+        class_names=CLASSES,
+        window_focal=np.array([1, 2, 4, TOTAL], dtype=np.uint32),
     )
 
 
@@ -99,6 +106,10 @@ def test_another_frame_makes_beliefs_void(frame, classes):
     np.testing.assert_array_equal(table.masses, np.ones((3, 1)))
     np.testing.assert_allclose(table.class_probability, 1.0 / len(classes))
     np.testing.assert_array_equal(table.conflict, 0.0)
+    # The windows are as long as before, with nothing in them.
+    np.testing.assert_array_equal(table.window_kind, np.zeros((3, 2)))
+    assert table.window_masses.shape == (3, 2, len(table.window_focal))
+    assert table.window_log_class_likelihood.shape == (3, 2, len(classes))
 
 
 def test_select_and_append_are_inverse():
@@ -121,4 +132,6 @@ def test_an_empty_table_has_the_shapes_of_a_full_one():
     empty.use_frame(FRAME, CLASSES)
     empty.use_focal(np.array([1, 2], dtype=np.uint32))
     assert empty.masses.shape == (0, 2)
-    assert len(empty.append(table_of(2, (1, 2)))) == 2
+    other = table_of(2, (1, 2))
+    other.clear_windows(0)
+    assert len(empty.append(other)) == 2

@@ -39,13 +39,15 @@ def recording_of(n_scans=4, period_s=2.0):
     return Recording("two", scans, truth)
 
 
-def parameters(term, **fusion):
+def parameters(term, forgetting=1.0):
     manager = {
         "attribute_term": term,
+        "history_policy": "forgetting" if forgetting < 1.0 else "none",
+        "forgetting_factor": forgetting,
         "range_std_m": NOISE.range_std_m,
         "azimuth_std_rad": NOISE.azimuth_std_rad,
     }
-    return {"track_manager": manager, "attribute_fusion": fusion}
+    return {"track_manager": manager}
 
 
 def test_states_are_two_point_states_of_the_last_two_scans():
@@ -78,9 +80,9 @@ def test_states_are_two_point_states_of_the_last_two_scans():
 def test_beliefs_are_those_of_the_stages_in_a_row(term, forgetting):
     """The same detections through fuzzifier and fusion stage, one scan after the other."""
     recording = recording_of()
-    tracks = labelled_tracks(recording, 3, Ring(parameters(term, forgetting_factor=forgetting)))
+    tracks = labelled_tracks(recording, 3, Ring(parameters(term, forgetting)))
     fuzzifier = RcsFuzzifier(RcsFuzzifierParameters())
-    fusion = AttributeFusion(AttributeFusionParameters(forgetting_factor=forgetting))
+    fusion = AttributeFusion(AttributeFusionParameters())
     belief = None
     for detections, truth in zip(recording.detections[:3], recording.truth, strict=False):
         scan, _ = validate(detections, NOISE, "map", 100)
@@ -93,7 +95,9 @@ def test_beliefs_are_those_of_the_stages_in_a_row(term, forgetting):
         zeros = np.zeros(2, dtype=np.int64)
         predictions = Predictions(
             key=scan.key,
-            settings=AssociationSettings(attribute_term=term),
+            settings=AssociationSettings(
+                attribute_term=term, history_policy="forgetting", forgetting_factor=forgetting
+            ),
             hypothesis_id=zeros,
             parent_id=zeros,
             track_id=zeros,

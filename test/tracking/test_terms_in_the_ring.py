@@ -87,8 +87,9 @@ def test_forgetting_changes_every_term_with_a_history(scenario):
         (play,) = of_scenario(scenario, 1, 3, method)
         ends = []
         for factor in (1.0, 0.6):
-            fusion = {**preset.get("attribute_fusion", {}), "forgetting_factor": factor}
-            ring = Ring({**preset, "attribute_fusion": fusion})
+            policy = {"history_policy": "none" if factor == 1.0 else "forgetting"}
+            manager = {**preset["track_manager"], **policy, "forgetting_factor": factor}
+            ring = Ring({**preset, "track_manager": manager})
             ring.initialise(play.initial)
             for detections in play.detections[:6]:
                 tracks = ring.process(detections).tracks
