@@ -21,9 +21,7 @@ def stage(**changes):
 
 def forgetful(predictions, factor):
     """The predictions, with a forgetting factor."""
-    settings = replace(
-        predictions.settings, history_policy="forgetting", forgetting_factor=factor
-    )
+    settings = replace(predictions.settings, history_policy="forgetting", forgetting_factor=factor)
     return replace(predictions, settings=settings)
 
 
