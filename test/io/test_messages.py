@@ -203,6 +203,38 @@ def test_a_field_that_lacks_an_element_is_refused(stem, field):
         getattr(messages, f"{stem}_from_message")(message)
 
 
+@pytest.mark.parametrize(
+    "field", ["window_focal", "window_kind", "window_masses", "window_log_class_likelihood"]
+)
+def test_a_window_that_lacks_an_element_is_refused(field):
+    message = messages.predictions_to_message(examples.predictions(policy="window", rows=3))
+    setattr(message, field, getattr(message, field)[:-1])
+    with pytest.raises(MessageError, match="window_.* elements"):
+        messages.predictions_from_message(message)
+    # Nor is one without rows that has anything else.
+    if field != "window_kind":
+        message.window_kind = []
+        with pytest.raises(MessageError, match="has elements, window_kind has none"):
+            messages.predictions_from_message(message)
+
+
+def test_settings_of_histories_that_do_not_fit_are_refused():
+    message = messages.predictions_to_message(examples.predictions(policy="window", rows=3))
+    message.window_kind[4] = 3
+    with pytest.raises(MessageError, match="window_kind holds 3: allowed is 0 to 2"):
+        messages.predictions_from_message(message)
+    message = messages.predictions_to_message(examples.predictions(policy="forgetting"))
+    message.forgetting_factor = [0.5, 0.5]
+    with pytest.raises(MessageError, match="forgetting_factor has 2 elements, 1 expected"):
+        messages.predictions_from_message(message)
+
+
+def test_predictions_of_before_there_were_policies_have_none():
+    message = messages.predictions_to_message(examples.predictions())
+    message.history_policy = ""
+    assert messages.predictions_from_message(message).settings.history_policy == "none"
+
+
 @pytest.mark.parametrize("start", [[1, 2, 4, 6, 8, 10], [0, 4, 2, 6, 8, 10], [0, 2, 4, 6, 8, 9]])
 def test_component_rows_must_rise(start):
     message = messages.predictions_to_message(examples.predictions(5, 2))

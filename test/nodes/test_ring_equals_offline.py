@@ -48,6 +48,36 @@ def test_four_nodes_in_one_process(method, domain):
     assert differences(played.tracks, offline(plays, parameters)) == []
 
 
+@pytest.mark.parametrize("window", [1, 5])
+@pytest.mark.parametrize("method", ["gda/dsm_classic/cv", "map/bayes/cv"])
+def test_history_windows(method, window, domain):
+    """Beliefs of the last detections: what the nodes need for them is in the predictions."""
+    plays, parameters = scenario_plays("closely_spaced_targets", method)
+    without = offline(plays, parameters)
+    parameters["track_manager"] |= {"history_policy": "window", "history_window": window}
+    expected = offline(plays, parameters)
+    assert differences(expected, without)
+    played = play_in_one_process(plays, parameters, domain)
+    assert differences(played.tracks, expected) == []
+
+
+def test_forgetting_and_a_window_in_processes(environment):
+    """Tracks that start by themselves begin their windows, too."""
+    plays, parameters = scenario_plays("crossing_targets", "gda/dempster/cv")
+    parameters["track_manager"] |= {
+        "initiation": "automatic",
+        "history_policy": "window",
+        "history_window": 3,
+    }
+    for item in plays:
+        item.initial = None
+    played = play_in_processes(plays, parameters, environment)
+    assert differences(played.tracks, offline(plays, parameters)) == []
+    parameters["track_manager"] |= {"history_policy": "forgetting", "forgetting_factor": 0.8}
+    played = play_in_processes(plays, parameters, environment)
+    assert differences(played.tracks, offline(plays, parameters)) == []
+
+
 def test_automatic_initiation(environment):
     """Tracks that the tracker starts itself, from all scans of the scenario."""
     plays, parameters = scenario_plays("crossing_targets", "map/bayes/cv")

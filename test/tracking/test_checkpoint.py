@@ -39,13 +39,22 @@ def restored(path, **parameters):
     return ring
 
 
-@pytest.mark.parametrize("term", ["none", "dsm_classic", "dempster", "pcr5", "bayes"])
-def test_restarted_at_every_scan_it_goes_on_bit_for_bit(tmp_path, term):
+WINDOW = {"history_policy": "window", "history_window": 4}
+
+
+@pytest.mark.parametrize(
+    ("term", "policy"),
+    [
+        *[(term, {}) for term in ("none", "dsm_classic", "dempster", "pcr5", "bayes")],
+        *[(term, WINDOW) for term in ("none", "dsm_classic", "bayes")],
+    ],
+)
+def test_restarted_at_every_scan_it_goes_on_bit_for_bit(tmp_path, term, policy):
     """One manager runs through; the other is saved, thrown away and loaded after each scan."""
     path = tmp_path / "state"
-    through = fresh_ring(attribute_term=term)
+    through = fresh_ring(attribute_term=term, **policy)
     through.manager.system_uuid = UUID
-    restarting = fresh_ring(attribute_term=term)
+    restarting = fresh_ring(attribute_term=term, **policy)
     restarting.manager.system_uuid = UUID
     for k, scan in enumerate(SCANS):
         expected = through.process(scan)
@@ -54,7 +63,7 @@ def test_restarted_at_every_scan_it_goes_on_bit_for_bit(tmp_path, term):
         assert_same(result.predictions, expected.predictions, f"scan {k}")
         assert_same(result.report, expected.report, f"scan {k}")
         checkpoint.save(restarting.manager, path)
-        restarting = restored(path, attribute_term=term)
+        restarting = restored(path, attribute_term=term, **policy)
         assert_same(restarting.manager.state, through.manager.state, f"scan {k}")
         assert restarting.manager.counters == through.manager.counters
         assert restarting.manager.system_uuid == UUID
