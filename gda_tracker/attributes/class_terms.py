@@ -10,11 +10,14 @@ import numpy as np
 
 from gda_tracker.attributes.bayes import class_update, forget
 from gda_tracker.attributes.pair_beliefs import NO_FOCAL, PairBeliefs, Pairs
+from gda_tracker.evidence.frames import MAX_ELEMENTS
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, empty_floats
 from gda_tracker.vocabulary.beliefs import Evidence
 
 # How far a column of transition probabilities may be from a sum of one.
 SUM_TOLERANCE = 1e-6
+# Classes are tied to the elements of a frame.
+CLASS_COUNTS = range(2, MAX_ELEMENTS + 1)
 
 
 def fuse_classes(pairs: Pairs) -> PairBeliefs:
@@ -33,7 +36,9 @@ def fuse_classes(pairs: Pairs) -> PairBeliefs:
     if pairs.forgetting_factor < 1.0:
         history = forget(history, pairs.forgetting_factor)
     if pairs.class_transition is not None:
-        _check_size(pairs.class_transition, evidence)
+        fault = fault_of_transition(pairs.class_transition, evidence.class_names)
+        if fault:
+            raise ValueError(fault)
         history = history @ pairs.class_transition.T
     posterior, log_likelihood = class_update(history, evidence.log_class_likelihood[detection])
     # Class probabilities are masses on the elements: agreement is the plausibility of the class.
@@ -72,12 +77,15 @@ def class_history(
     return class_update(classes, log_class_likelihood)[0]
 
 
-def _check_size(class_transition: FloatArray, evidence: Evidence) -> None:
-    if len(class_transition) != len(evidence.class_names):
-        raise ValueError(
-            f"class_transition = a matrix of {len(class_transition)} classes: allowed is one of "
-            f"{len(evidence.class_names)}, for {', '.join(evidence.class_names)}"
-        )
+def fault_of_transition(class_transition: FloatArray | None, class_names: Sequence[str]) -> str:
+    """Say why a class transition (K, K) does not go with these classes, or return an empty text."""
+    count = len(class_names)
+    if class_transition is None or len(class_transition) == count:
+        return ""
+    return (
+        f"parameter class_transition = {class_transition.size} numbers: allowed are "
+        f"{count * count} for the {count} classes {', '.join(class_names)}, or none"
+    )
 
 
 @lru_cache(maxsize=16)
@@ -114,13 +122,14 @@ def transition_matrix(class_transition: Sequence[float]) -> FloatArray | None:
     Raises
     ------
     ValueError
-        If the list is not that of a square matrix of numbers >= 0 whose columns have the sum 1.
+        If the list is not that of a square matrix of numbers >= 0 whose columns have the sum 1, for
+        as many classes as a frame may have elements.
     """
     if not len(class_transition):
         return None
     values = np.array(class_transition, dtype=np.float64)
     size = isqrt(len(values))
-    if size * size != len(values):
+    if size not in CLASS_COUNTS or size * size != len(values):
         raise ValueError(f"{len(values)} numbers, not as many as in a square matrix of the classes")
     matrix = values.reshape(size, size)
     if not (matrix >= 0.0).all():

@@ -31,7 +31,12 @@ from functools import partial
 
 import numpy as np
 
-from gda_tracker.attributes.class_terms import class_prior, fuse_classes, transition_matrix
+from gda_tracker.attributes.class_terms import (
+    CLASS_COUNTS,
+    class_prior,
+    fuse_classes,
+    transition_matrix,
+)
 from gda_tracker.attributes.mass_terms import fuse_masses
 from gda_tracker.attributes.pair_beliefs import NO_FOCAL, PairBeliefs, Pairs, without_attribute
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS
@@ -69,10 +74,11 @@ class AttributeFusionParameters:
         try:
             transition_matrix(self.class_transition)
         except ValueError as error:
+            sizes = ", ".join(str(count * count) for count in CLASS_COUNTS)
             raise ParameterError(
                 f"parameter class_transition = {self.class_transition}: {error}; allowed are an "
-                "empty list and the rows of a square matrix, one row per class, each column with "
-                "the sum 1"
+                f"empty list and the rows of a square matrix ({sizes} numbers), one row per class, "
+                "each column with the sum 1"
             ) from None
 
 

@@ -105,10 +105,13 @@ class RingNode(LifecycleNode):
         """Accept or refuse a change as a whole, with a reason."""
         values = {p.name: p.value for p in changed if p.name in self._specifications}
         try:
-            self._read_parameters(values)
+            self.check_parameters(self._read_parameters(values))
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def check_parameters(self, parameters: Any) -> None:
+        """Raise :class:`ParameterError` for a change that does not go with what the node knows."""
 
     def use_parameters(self, parameters: Any) -> None:
         """Take checked parameters; acts at the next scan."""

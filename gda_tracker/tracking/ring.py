@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gda_tracker.association.associate import AssociationParameters, Associator
+from gda_tracker.attributes.class_terms import fault_of_transition, transition_matrix
 from gda_tracker.attributes.fusion import AttributeFusion, AttributeFusionParameters
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.kinematics.gating import GatedPairs, gate
@@ -70,13 +71,10 @@ def stage_parameters(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, A
     tables: dict[str, Any] = {
         node: from_mapping(table, parameters.get(node, {})) for node, table in STAGE_TABLES.items()
     }
-    transition = tables["attribute_fusion"].class_transition
-    classes = tables["rcs_fuzzifier"].class_names
-    if len(transition) not in (0, len(classes) ** 2):
-        raise ParameterError(
-            f"parameter class_transition = {transition}: allowed are {len(classes) ** 2} numbers "
-            f"for the {len(classes)} class_names {', '.join(classes)}, or none"
-        )
+    transition = transition_matrix(tables["attribute_fusion"].class_transition)
+    fault = fault_of_transition(transition, tables["rcs_fuzzifier"].class_names)
+    if fault:
+        raise ParameterError(fault)
     return tables
 
 

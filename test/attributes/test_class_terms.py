@@ -155,7 +155,9 @@ def test_an_unknown_attribute_leaves_the_class_as_it_is(evidence):
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ([0.5, 0.5], "2 numbers, not as many as in a square matrix"),
+        ([0.5, 0.5], "2 numbers, not as many as in a square matrix.*4, 9, 16, 25 numbers"),
+        ([1.0], "1 numbers, not as many as in a square matrix"),
+        ([1.0, *[0.0] * 5] * 6, "36 numbers, not as many as in a square matrix"),
         ([0.9, 0.1, 0.2, 0.8], "columns with the sums 1.1, 0.9, not 1; allowed are an empty list"),
         ([1.5, 0.0, -0.5, 1.0], "class_transition = .*: allowed is a list, each a number >= 0"),
         ([float("nan")], "class_transition = .*: allowed is a list, each a number >= 0"),
@@ -168,10 +170,10 @@ def test_transitions_that_are_none_are_refused(value, message):
 
 def test_a_transition_of_other_classes_is_refused(evidence):
     two = [0.9, 0.5, 0.1, 0.5]
-    with pytest.raises(ParameterError, match="allowed are 9 numbers for the 3 class_names"):
+    with pytest.raises(ParameterError, match="= 4 numbers: allowed are 9 for the 3 classes f"):
         Ring({"attribute_fusion": {"class_transition": two}})
     # The stage of a node learns of the classes with the first scan.
-    with pytest.raises(ValueError, match="of 2 classes: allowed is one of 3, for false_alarm, fi"):
+    with pytest.raises(ValueError, match="4 numbers: allowed are 9 for the 3 classes false_a"):
         stage(class_transition=two)(histories("bayes"), evidence, *all_pairs(4, 5))
     # The other terms do not look at it.
     stage(class_transition=two)(histories("pcr5"), evidence, *all_pairs(4, 5))

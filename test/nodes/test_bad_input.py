@@ -24,6 +24,7 @@ from gda_tracker.io.messages import (
 )
 from gda_tracker.nodes.qualities import latched, stream
 from gda_tracker.nodes.runner import STAGES, Nodes, stage_nodes
+from gda_tracker.tracking.ring import Ring
 
 METHOD = "gda/dsm_classic/cv"
 
@@ -315,6 +316,40 @@ def test_live_parameters_act_or_are_refused_with_a_reason(domain, crossing):
         assert ended.deleted_track_id.tolist() == [1, 2]
 
 
+def test_the_history_policy_changes_while_the_nodes_run(domain, crossing):
+    """The same tracks as of an offline ring whose policy changes before the same scans."""
+    play, parameters, _ = crossing
+    changes = {
+        3: {"history_window": 6, "history_policy": "window"},
+        9: {"history_window": 3},
+        12: {"history_window": 8},
+        16: {"forgetting_factor": 0.7, "history_policy": "forgetting"},
+        19: {"history_policy": "none"},
+    }
+    ring = Ring(parameters)
+    ring.initialise(play.initial)
+    expected, found = {}, {}
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        (answer,) = bench.manager.set_parameters([Parameter("history_policy", value="window")])
+        assert not answer.successful
+        assert "allowed with a history_window of at least 1, which is 0" in answer.reason
+        for number, scan in enumerate(play.detections):
+            key = (scan.sensor_id, scan.stamp_ns)
+            values = changes.get(number, {})
+            ring.manager.set_parameters(replace(ring.manager.parameters, **values))
+            expected[key] = ring.process(scan).tracks
+            answers = bench.manager.set_parameters(
+                [Parameter(name, value=value) for name, value in values.items()]
+            )
+            assert all(answer.successful for answer in answers), answers
+            assert bench.send(scan).outcome == "tracked"
+            bench.until(lambda key=key: key in bench.client.tracks)
+            found[key] = bench.client.tracks[key]
+    assert len(found) > 20
+    assert differences(found, expected) == []
+
+
 def test_attribute_values_out_of_range_are_counted_in_diagnostics(domain, crossing):
     play, parameters, _ = crossing
     parameters["rcs_fuzzifier"] |= {
@@ -347,6 +382,38 @@ def test_a_list_that_is_empty_by_default_is_filled_and_emptied_again(domain, cro
         (answer,) = fusion.set_parameters([Parameter("class_transition", value=[0.5, 0.5])])
         assert not answer.successful
         assert "class_transition = [0.5, 0.5]: 2 numbers" in answer.reason
+        assert fusion.parameters.class_transition == []
+
+
+def test_a_class_transition_of_other_classes_is_an_error_until_it_is_mended(domain, crossing):
+    """The node learns of the classes with the first evidence; the scan waits and is answered."""
+    play, parameters, expected = crossing
+    two = [0.9, 0.5, 0.1, 0.5]
+    parameters["track_manager"] |= {"attribute_term": "bayes", "retry_period_s": 0.3}
+    parameters["attribute_fusion"] = {"class_transition": two}
+    allowed = "class_transition = 4 numbers: allowed are 9 for the 3 classes false_alarm, fighter"
+    with Bench(domain, parameters) as bench:
+        fusion = next(n for n in bench.nodes.nodes if n.get_name() == "attribute_fusion")
+        bench.initialise(play.initial)
+        count = len(bench.client.reports)
+        bench.client.detections.publish(detections_to_message(play.detections[0]))
+
+        def complains():
+            status = bench.client.diagnostics.get("/attribute_fusion")
+            return status is not None and status.level == DiagnosticStatus.ERROR
+
+        bench.until(complains)
+        assert allowed in bench.client.diagnostics["/attribute_fusion"].message
+        assert len(bench.client.reports) == count
+        (answer,) = fusion.set_parameters([Parameter("class_transition", value=[])])
+        assert answer.successful, answer.reason
+        bench.until(lambda: len(bench.client.reports) > count)
+        assert bench.client.reports[-1].outcome == "tracked"
+        bench.until(lambda: not complains())
+        # Now that it knows the classes it refuses what does not go with them.
+        (answer,) = fusion.set_parameters([Parameter("class_transition", value=two)])
+        assert not answer.successful
+        assert allowed in answer.reason
         assert fusion.parameters.class_transition == []
 
 
