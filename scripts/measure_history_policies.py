@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT))
 
 from gda_tracker.evaluation.figures.canvas import canvas, colour, legend_below, png  # noqa: E402
 from gda_tracker.evaluation.purity import confusion_counts, purity  # noqa: E402
-from gda_tracker.evaluation.results import mean_and_stderr  # noqa: E402
+from gda_tracker.evaluation.statistics import mean_and_stderr  # noqa: E402
 from gda_tracker.evidence.frames import total_ignorance, union_of_atoms  # noqa: E402
 from gda_tracker.simulation.playback import with_method  # noqa: E402
 from gda_tracker.simulation.preset import tracker_preset  # noqa: E402

@@ -97,9 +97,13 @@ def combine_rows(
         parts = [source[block] for source in merged]
         products = reduce(_row_products, parts)
         _check_homeless(table, products)
-        masses[block] = products @ table.contraction
+        if table.row_contraction is None:
+            masses[block] = products @ table.contraction
+        else:
+            masses[block] = (table.row_contraction @ products.T).T
         conflict[block] = products @ table.dead
-        rest[block] = products @ (1.0 - table.dead)
+        if table.rule == "dempster":
+            rest[block] = products @ (1.0 - table.dead)
     if table.shares is not None and len(merged) == 2:
         inverse, own = _inverses(table.shares, merged), _own_columns(table.shares, merged)
         for block in _blocks(rows, len(table.shares.columns[0]), _SHARE_BLOCK):

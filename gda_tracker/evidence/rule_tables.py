@@ -21,6 +21,8 @@ from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray, MaskA
 
 # Numbers in a dense matrix of zeros and ones (2 MB); beyond, only the ones are kept.
 _DENSE = 1 << 18
+# Columns of the outcome beyond which a row of products is moved quicker by the ones alone.
+_MANY_COLUMNS = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,6 +77,9 @@ class RuleTable:
         (T, G) zeros and ones, where the products go; a sparse array if it is large.
     first_contraction
         The same as (E1, T/E1 G).
+    row_contraction
+        The same as a sparse array (G, T), for rows of products one by one; ``None`` where
+        ``contraction`` is as quick.
     dead
         (T,) ones for the tuples in conflict.
     homeless
@@ -95,6 +100,7 @@ class RuleTable:
     focal: MaskArray
     contraction: Any
     first_contraction: Any
+    row_contraction: Any
     dead: FloatArray
     homeless: BoolArray | None
     shares: Shares | None
@@ -240,6 +246,7 @@ def _rule_table(rule: str, model: Model, columns: tuple[bytes, ...], outcome: by
         focal=focal,
         contraction=contraction,
         first_contraction=contraction.reshape((shape[0], -1)) if contraction.size else contraction,
+        row_contraction=csr_array(contraction.T) if size > _MANY_COLUMNS else None,
         dead=moves.dead.astype(np.float64),
         homeless=moves.homeless if moves.homeless.any() else None,
         shares=_shares(model, elements, chosen, column) if len(chosen[0]) else None,

@@ -113,6 +113,24 @@ def test_a_grid_is_rows_of_all_pairs(seed, size, rule):
     np.testing.assert_allclose(conflict.ravel(), k, atol=1e-14)
 
 
+@pytest.mark.parametrize("count", [0, 1, 400])
+def test_rows_over_many_columns_are_rows_of_the_grid(count):
+    """Beyond some columns rows go another way, block by block; 400 are more than one."""
+    random = np.random.default_rng(count)
+    focal = hyper_power_set(4)
+    measured = np.array([*singletons(4), total_ignorance(4)], dtype=np.uint32)
+    table = rule_table("dsmc", free_model(NAMES), [focal, measured])
+    assert isinstance(table.contraction, np.ndarray)
+    assert table.row_contraction is not None
+    first, second = random.dirichlet(np.ones(166), 4), random.dirichlet(np.ones(5), 3)
+    i, j = random.integers(4, size=count), random.integers(3, size=count)
+    masses, conflict = combine_rows(table, [first[i], second[j]])
+    grid, expected = combine_grid(table, first, second)
+    np.testing.assert_allclose(masses, grid[i, j], atol=1e-15)
+    np.testing.assert_allclose(conflict, expected[i, j], atol=1e-15)
+    assert masses.flags.c_contiguous
+
+
 @pytest.mark.parametrize("rule", ["dsmc", "dsmh", "dempster", "pcr5", "yager"])
 def test_large_tables_are_sparse_and_say_the_same(rule):
     # 166 x 166 elements: only the ones of the table are kept.
