@@ -15,10 +15,10 @@ from gda_tracker.association.global_hypotheses import (
     k_best_global_hypotheses,
 )
 
-NARROW = SearchLimits(first_width=1, width=1)
+NARROW = SearchLimits(first_width=1, second_width=1, width=1)
 """Little is proven by dynamic programming with it: integer programming has to answer."""
-PRICED = SearchLimits(first_width=1, width=1000, nodes=0)
-HOPELESS = SearchLimits(first_width=1, width=1, price_rounds=0, nodes=0)
+PRICED = SearchLimits(first_width=1, second_width=1, width=1000, nodes=0)
+HOPELESS = SearchLimits(first_width=1, second_width=1, width=1, price_rounds=0, nodes=0)
 ENGINE_LIMITS = (SearchLimits(), PRICED, NARROW)
 
 

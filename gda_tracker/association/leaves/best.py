@@ -19,11 +19,11 @@ from gda_tracker.association.leaves.prices import price, with_prices
 from gda_tracker.association.leaves.problem import DROPPED, LeafProblem
 from gda_tracker.association.leaves.search import search
 from gda_tracker.association.leaves.stages import (
-    WORD,
+    Layout,
     Stages,
-    bits_of_clusters,
+    batches,
+    make_layout,
     make_stages,
-    step_order,
     without_dominated,
 )
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
@@ -65,14 +65,15 @@ def k_best_or_dropped(
     NoFeasibleHypothesis
         If a cluster has no hypothesis all the same.
     """
-    found = k_best(problem, clusters, k, limits)
+    layout = make_layout(problem)
+    found = k_best(problem, layout, clusters, k, limits)
     without = clusters[~found.feasible[clusters]]
     if len(without) == 0:
         return found
     among = np.zeros(problem.n_clusters, dtype=np.bool_)
     among[without] = True
     dropping = problem.with_drops(among[problem.cluster].nonzero()[0], log_dropped)
-    again = k_best(dropping, without, k, limits)
+    again = k_best(dropping, layout, without, k, limits)
     if not again.feasible[without].all():
         raise NoFeasibleHypothesis(
             f"{np.count_nonzero(~again.feasible[without])} clusters of tracks have no hypothesis "
@@ -85,30 +86,41 @@ def k_best_or_dropped(
     return found
 
 
-def k_best(problem: LeafProblem, clusters: IntArray, k: int, limits: SearchLimits) -> Solutions:
+def k_best(
+    problem: LeafProblem, layout: Layout, clusters: IntArray, k: int, limits: SearchLimits
+) -> Solutions:
     """Find the k best hypotheses of some clusters (C,), ascending, with one leaf of each track."""
-    rank = step_order(problem)
     found = Solutions(
         np.zeros(problem.n_clusters, dtype=np.int64),
         np.zeros(problem.n_clusters),
         np.ones(problem.n_clusters, dtype=np.bool_),
-        rank,
+        layout.rank,
     )
-    bit, n_bits = bits_of_clusters(problem)
-    one_word = n_bits[clusters] <= WORD
-    for batch in (clusters[one_word], *clusters[~one_word, None]):
-        if len(batch):
-            stages = make_stages(problem, batch, rank, bit, int(n_bits[batch].max()))
-            _solve(problem, without_dominated(stages, k), k, limits, found)
+    for batch in batches(layout, clusters):
+        stages = without_dominated(make_stages(problem, batch, layout), k)
+        no_budget = np.full(len(batch), np.inf)
+        widths = (limits.first_width, limits.second_width)
+        _solve(problem, stages, k, widths, no_budget, limits, found)
     return found
 
 
 def _solve(
-    problem: LeafProblem, stages: Stages, k: int, limits: SearchLimits, found: Solutions
+    problem: LeafProblem,
+    stages: Stages,
+    k: int,
+    widths: tuple[int, ...],
+    budget: FloatArray,
+    limits: SearchLimits,
+    found: Solutions,
 ) -> None:
-    """Answer a batch by dynamic programming; what it does not prove, one by one."""
+    """Answer a batch by dynamic programming: what one beam does not prove, in the next one.
+
+    What that does not prove either is answered one by one. ``budget`` (B,) is a deficit within
+    which the k best hypotheses are known to be, plus rounding.
+    """
     batch = len(stages.clusters)
-    answer = search(stages, k, max(limits.first_width, k))
+    width, *later_widths = widths
+    answer = search(stages, k, max(width, k), budget)
     number = np.bincount(answer.slot, minlength=batch)
     last = np.full(batch, np.inf)
     full = number == k
@@ -121,8 +133,17 @@ def _solve(
     weights = stages.log_score[options].sum(axis=1, where=options >= 0)
     rows = np.where(options >= 0, problem.row[stages.leaf[options]], DROPPED)
     found.parts.append((stages.clusters[answer.slot[kept]], rows, weights))
-    for slot in (~proven).nonzero()[0].tolist():
-        single, own = stages.single(slot)
+    open_slots = (~proven).nonzero()[0]
+    if len(open_slots) == 0:
+        return
+    if later_widths:
+        part, _ = stages.part(open_slots)
+        rounding = SLACK * (1.0 + np.abs(part.top()).sum(axis=0))
+        within = np.minimum(budget[open_slots], last[open_slots] + rounding)
+        _solve(problem, part, k, tuple(later_widths), within, limits, found)
+        return
+    for slot in open_slots.tolist():
+        single, own = stages.part(np.array([slot]))
         position = np.full(len(stages.leaf), -1)
         position[own] = np.arange(len(own))
         known = answer.options[answer.slot == slot][:, : single.n_steps]

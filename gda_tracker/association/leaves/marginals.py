@@ -15,11 +15,10 @@ from gda_tracker.association.leaves.limits import (
 from gda_tracker.association.leaves.prices import price, with_prices
 from gda_tracker.association.leaves.problem import LeafProblem
 from gda_tracker.association.leaves.stages import (
-    WORD,
     Stages,
-    bits_of_clusters,
+    batches,
+    make_layout,
     make_stages,
-    step_order,
 )
 from gda_tracker.association.leaves.sums import Sums, collapsed, sum_products
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
@@ -61,13 +60,10 @@ def marginals(
         np.zeros(problem.n_clusters),
         np.zeros(problem.n_clusters, dtype=np.int64),
     )
-    rank = step_order(problem)
-    bit, n_bits = bits_of_clusters(problem)
-    one_word = n_bits[clusters] <= WORD
-    for batch in (clusters[one_word], *clusters[~one_word, None]):
-        if len(batch):
-            stages = make_stages(problem, batch, rank, bit, int(n_bits[batch].max()))
-            _batch_marginals(problem, stages, chosen, limits, found)
+    layout = make_layout(problem)
+    for batch in batches(layout, clusters):
+        stages = make_stages(problem, batch, layout)
+        _batch_marginals(problem, stages, chosen, limits, found)
     return found
 
 
@@ -91,7 +87,7 @@ def _batch_marginals(
     found.engine[stages.clusters] = ENGINES.index(DYNAMIC_PROGRAMMING)
     probability = sums.probability
     for slot in (sums.share < 1.0 - NOTHING_LOST).nonzero()[0].tolist():
-        single, own = united.single(slot)
+        single, own = united.part(np.array([slot]))
         position = np.full(len(united.leaf), -1)
         position[own] = np.arange(len(own))
         again = _priced(

@@ -52,14 +52,21 @@ def price(
         Prices tried.
     """
     used, n_bits = _used_bits(stages, problem)
-    begins = stages.first[:, 0]
+    # One row per track, padded by leaves that nobody takes.
+    width = int(stages.count.max())
+    scores = np.full((stages.n_steps, width), -np.inf)
+    wanted = np.full((used.shape[1], stages.n_steps, width), n_bits)
+    column = np.arange(len(used)) - stages.first[stages.step, 0]
+    scores[stages.step, column] = stages.log_score
+    wanted[:, stages.step, column] = used.T
+    tracks = np.arange(stages.n_steps)
     price = np.zeros(n_bits + 1)  # the last one for no detection
     best_price, best_bound = price, np.inf
     pace, waited = 1.0, 0
     for _ in range(rounds + 1):
-        reduced = stages.log_score - price[used].sum(axis=1)
-        top = np.maximum.reduceat(reduced, begins)
-        bound = float(top.sum() + price.sum())
+        reduced = scores - price[wanted].sum(axis=0)
+        taken = reduced.argmax(axis=1)
+        bound = float(reduced[tracks, taken].sum() + price.sum())
         if bound < best_bound - 1e-12 * abs(bound):
             best_price, best_bound, waited = price, bound, 0
         else:
@@ -67,10 +74,7 @@ def price(
             if waited > PATIENCE:
                 pace, waited, price = pace / 2, 0, best_price
                 continue
-        taken = np.array(
-            [begin + reduced[begin : begin + n].argmax() for begin, n in _spans(stages)]
-        )
-        excess = np.bincount(used[taken].ravel(), minlength=n_bits + 1)[: n_bits + 1] - 1.0
+        excess = np.bincount(wanted[:, tracks, taken].ravel(), minlength=n_bits + 1) - 1.0
         excess[n_bits] = 0.0
         excess[(price == 0.0) & (excess < 0.0)] = 0.0
         length = float(excess @ excess)
@@ -105,10 +109,6 @@ def with_prices(stages: Stages, problem: LeafProblem, prices: FloatArray, budget
         elif cost > 0.0:
             unused += cost
     return Priced(priced, unused, closing, order)
-
-
-def _spans(stages: Stages) -> list[tuple[int, int]]:
-    return list(zip(stages.first[:, 0].tolist(), stages.count[:, 0].tolist(), strict=True))
 
 
 def _used_bits(stages: Stages, problem: LeafProblem) -> tuple[IntArray, int]:

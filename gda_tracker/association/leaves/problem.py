@@ -6,14 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from gda_tracker.association.errors import AssociationInputError, NoFeasibleHypothesis
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 
 DROPPED = -1
 """Row of the leaf that stands for a dropped track."""
+
+MAX_TABLE = 1 << 24
+"""Largest table of flags that takes the place of sorting."""
 
 MAX_LOG_SCORE = 1e9
 """Largest finite log score, by magnitude."""
@@ -27,8 +28,9 @@ class LeafProblem:
     its track; ``log_score`` (M,); ``owner`` (M,) is the leaf's track, 0 to T - 1, ascending;
     ``start`` (T + 1,) where the leaves of each track begin. ``contested`` (M, N) has the
     detections that leaves of another track use as well, numbered from 0 to ``n_contested`` - 1,
-    and -1 elsewhere. ``cluster`` (T,) numbers the connected components by their first track;
-    a cluster is given by the tracks alone and is the same with and without dropping.
+    and -1 elsewhere; ``entry_track`` and ``entry_detection`` (E,) are the pairs of a track and a
+    contested detection of its leaves, by track. ``cluster`` (T,) numbers the connected components
+    by their first track.
     """
 
     row: IntArray
@@ -37,6 +39,8 @@ class LeafProblem:
     start: IntArray
     contested: IntArray
     n_contested: int
+    entry_track: IntArray
+    entry_detection: IntArray
     cluster: IntArray
     n_clusters: int
 
@@ -164,14 +168,9 @@ def _problem(leaves: CheckedLeaves) -> LeafProblem:
     order = allowed[leaves.owner[allowed].argsort(kind="stable")]
     owner = leaves.owner[order]
     n_tracks = len(leaves.track_ids)
-    contested, entry_track, entry_detection, n_contested = _contested(
-        owner, leaves.used[order], n_tracks
-    )
-    graph = coo_matrix(
-        (np.ones(len(entry_track), dtype=np.int8), (entry_track, entry_detection + n_tracks)),
-        shape=(n_tracks + n_contested,) * 2,
-    )
-    n_clusters, label = connected_components(graph, directed=False)
+    contested, n_contested = _contested(owner, leaves.used[order], n_tracks)
+    entry_track, entry_detection = _entries(owner, contested, n_tracks, n_contested)
+    cluster, n_clusters = _components(entry_track, entry_detection, n_tracks, n_contested)
     return LeafProblem(
         order,
         leaves.log_score[order],
@@ -179,20 +178,20 @@ def _problem(leaves: CheckedLeaves) -> LeafProblem:
         owner.searchsorted(np.arange(n_tracks + 1)),
         contested,
         n_contested,
-        label[:n_tracks].astype(np.int64),
-        int(n_clusters),
+        entry_track,
+        entry_detection,
+        cluster,
+        n_clusters,
     )
 
 
-def _contested(
-    owner: IntArray, used: IntArray, n_tracks: int
-) -> tuple[IntArray, IntArray, IntArray, int]:
-    """Contested detections per leaf (M, N), as entries (track, detection), and their number."""
+def _contested(owner: IntArray, used: IntArray, n_tracks: int) -> tuple[IntArray, int]:
+    """Contested detections per leaf (M, N), and their number; ``owner`` ascends."""
     leaf, scan = (used >= 0).nonzero()
     detection = used[leaf, scan]
+    contested = np.full(used.shape, -1)
     if len(detection) == 0:
-        none = np.zeros(0, dtype=np.int64)
-        return np.full(used.shape, -1), none, none, 0
+        return contested, 0
     lowest = int(detection.min())
     span = int(detection.max()) - lowest + 1
     if span <= 8 * len(detection) + 1024:  # numbers are dense enough for a table
@@ -201,17 +200,55 @@ def _contested(
         values, detection = np.unique(detection, return_inverse=True)
         span = len(values)
     track = owner[leaf]
-    first_track = np.full(span, n_tracks)
-    np.minimum.at(first_track, detection, track)
-    last_track = np.full(span, -1)
-    np.maximum.at(last_track, detection, track)
-    shared = first_track < last_track
-    number = shared.cumsum() - 1
-    kept = shared[detection].nonzero()[0]
-    entry = number[detection[kept]]
-    contested = np.full(used.shape, -1)
-    contested[leaf[kept], scan[kept]] = entry
-    return contested, track[kept], entry, int(number[-1]) + 1
+    first_track, last_track = np.empty(span, dtype=np.int64), np.empty(span, dtype=np.int64)
+    # Of repeated indices the last one is assigned.
+    first_track[detection[::-1]] = track[::-1]
+    last_track[detection] = track
+    shared = np.zeros(span, dtype=np.bool_)
+    shared[detection] = True
+    shared &= first_track < last_track
+    number = np.where(shared, shared.cumsum() - 1, -1)
+    contested[leaf, scan] = number[detection]
+    return contested, int(np.count_nonzero(shared))
+
+
+def _entries(
+    owner: IntArray, contested: IntArray, n_tracks: int, n_contested: int
+) -> tuple[IntArray, IntArray]:
+    """Pairs of a track and a contested detection of its leaves, each once, by track."""
+    leaf, scan = (contested >= 0).nonzero()
+    key = owner[leaf] * n_contested + contested[leaf, scan]
+    if n_tracks * n_contested <= MAX_TABLE:
+        seen = np.zeros(n_tracks * n_contested, dtype=np.bool_)
+        seen[key] = True
+        key = seen.nonzero()[0]
+    else:
+        key = np.unique(key)
+    track, detection = np.divmod(key, max(n_contested, 1))
+    return track, detection
+
+
+def _components(
+    track: IntArray, detection: IntArray, n_tracks: int, n_detections: int
+) -> tuple[IntArray, int]:
+    """Connected component of each track (T,), numbered by first track, and their number.
+
+    Labels fall to the lowest of any neighbour, and to the label of the label, until all agree.
+    """
+    label = np.arange(n_tracks)
+    while True:
+        current = label[track]
+        lowest_at = np.full(n_detections, n_tracks)
+        np.minimum.at(lowest_at, detection, current)
+        lowest = lowest_at[detection]
+        if (lowest == current).all():
+            break
+        np.minimum.at(label, track, lowest)
+        np.minimum.at(label, current, lowest)
+        label = label[label]
+    first = label == np.arange(n_tracks)
+    number = first.cumsum() - 1
+    return number[label], int(np.count_nonzero(first))
 
 
 def _check_weights(name: str, values: FloatArray) -> None:

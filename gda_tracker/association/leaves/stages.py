@@ -22,6 +22,9 @@ WordArray: TypeAlias = NDArray[np.uint64]
 WORD = 64
 """Bits of a word."""
 
+LARGE = 6
+"""Clusters of more tracks than this are ordered by their neighbourhood."""
+
 MAX_COMPARED = 2_000_000
 """Pairs of leaves of one track that the search for dominated leaves compares at most."""
 
@@ -80,73 +83,72 @@ class Stages:
             open_after=_open_after(mask, step, slot, self.first.shape),
         )
 
-    def single(self, slot: int) -> tuple[Stages, IntArray]:
-        """Return one cluster as a batch of its own, and which of the leaves it has."""
-        size = int(self.size[slot])
-        own = self.slot == slot
-        alone = replace(
+    def part(self, slots: IntArray) -> tuple[Stages, IntArray]:
+        """Return some of the clusters as a batch of their own, and which of the leaves it has."""
+        steps = max(self.size[slots].tolist())
+        moved = np.full(len(self.clusters), -1)
+        moved[slots] = np.arange(len(slots))
+        slot = moved[self.slot]
+        own = slot >= 0
+        fewer = replace(
             self,
-            clusters=self.clusters[slot : slot + 1],
-            size=self.size[slot : slot + 1],
-            tracks=self.tracks[slot : slot + 1, :size],
-            first=self.first[:size, slot : slot + 1],
-            slot=np.zeros(len(self.leaf), dtype=np.int64),
+            clusters=self.clusters[slots],
+            size=self.size[slots],
+            tracks=self.tracks[slots, :steps],
+            first=self.first[:steps, slots],
+            slot=slot,
         )
-        return alone.keep(own), own.nonzero()[0]
+        return fewer.keep(own), own.nonzero()[0]
 
 
-def step_order(problem: LeafProblem) -> IntArray:
-    """Rank (T,) of each track in its cluster: neighbours near each other, so that few are open."""
-    n_tracks = problem.n_tracks
-    size = np.bincount(problem.cluster, minlength=problem.n_clusters)
-    if size.max(initial=0) > 3:
-        leaf, scan = (problem.contested >= 0).nonzero()
-        incidence = coo_matrix(
-            (
-                np.ones(len(leaf)),
-                (problem.owner[leaf], problem.contested[leaf, scan]),
-            ),
-            shape=(n_tracks, problem.n_contested),
-        ).tocsr()
-        order = reverse_cuthill_mckee((incidence @ incidence.T).tocsr(), symmetric_mode=True)
-        order = order[problem.cluster[order].argsort(kind="stable")]
-    else:
-        order = problem.cluster.argsort(kind="stable")
-    rank = np.empty(n_tracks, dtype=np.int64)
-    rank[order] = np.arange(n_tracks) - (size.cumsum() - size)[problem.cluster[order]]
-    return rank
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Places of tracks and contested detections within their clusters.
 
-
-def bits_of_clusters(problem: LeafProblem) -> tuple[IntArray, IntArray]:
-    """Number (D,) of each contested detection within its cluster, and how many each has (G,)."""
-    owner_of = np.zeros(problem.n_contested, dtype=np.int64)
-    leaf, scan = (problem.contested >= 0).nonzero()
-    owner_of[problem.contested[leaf, scan]] = problem.owner[leaf]
-    cluster = problem.cluster[owner_of]
-    count = np.bincount(cluster, minlength=problem.n_clusters)
-    order = cluster.argsort(kind="stable")
-    bit = np.empty(problem.n_contested, dtype=np.int64)
-    bit[order] = np.arange(problem.n_contested) - (count.cumsum() - count)[cluster[order]]
-    return bit, count
-
-
-def make_stages(
-    problem: LeafProblem, clusters: IntArray, rank: IntArray, bit: IntArray, n_bits: int
-) -> Stages:
-    """Lay out some clusters.
-
-    Parameters
-    ----------
-    problem : LeafProblem
-    clusters : (B,)
-        Ascending.
-    rank : (T,)
-        Of :func:`step_order`.
-    bit : (D,)
-        Of :func:`bits_of_clusters`.
-    n_bits : int
-        Largest number of contested detections of one of the clusters.
+    ``rank`` (T,) is the step of each track; ``bit`` (D,) the number of each contested detection;
+    ``n_bits`` (G,) how many each cluster has.
     """
+
+    rank: IntArray
+    bit: IntArray
+    n_bits: IntArray
+
+
+def make_layout(problem: LeafProblem) -> Layout:
+    """Order the tracks of each cluster, neighbours together, so that few detections are open."""
+    size = np.bincount(problem.cluster, minlength=problem.n_clusters)
+    order = problem.cluster.argsort(kind="stable")
+    large = size > LARGE
+    if large.any():
+        among = large[problem.cluster[problem.entry_track]]
+        track, detection = problem.entry_track[among], problem.entry_detection[among]
+        incidence = coo_matrix(
+            (np.ones(len(track)), (track, detection)), (problem.n_tracks, problem.n_contested)
+        ).tocsr()
+        banded = reverse_cuthill_mckee((incidence @ incidence.T).tocsr(), symmetric_mode=True)
+        order = banded[problem.cluster[banded].argsort(kind="stable")]
+    rank = np.empty(problem.n_tracks, dtype=np.int64)
+    rank[order] = np.arange(problem.n_tracks) - (size.cumsum() - size)[problem.cluster[order]]
+
+    of_detection = np.empty(problem.n_contested, dtype=np.int64)
+    of_detection[problem.entry_detection] = problem.cluster[problem.entry_track]
+    n_bits = np.bincount(of_detection, minlength=problem.n_clusters)
+    order = of_detection.argsort(kind="stable")
+    bit = np.empty(problem.n_contested, dtype=np.int64)
+    bit[order] = np.arange(problem.n_contested) - (n_bits.cumsum() - n_bits)[of_detection[order]]
+    return Layout(rank, bit, n_bits)
+
+
+def batches(layout: Layout, clusters: IntArray) -> list[IntArray]:
+    """Clusters (C,) that are laid out together: all whose detections fit one word, others alone."""
+    one_word = layout.n_bits[clusters] <= WORD
+    together, alone = clusters[one_word], clusters[~one_word]
+    return ([together] if len(together) else []) + list(alone[:, None])
+
+
+def make_stages(problem: LeafProblem, clusters: IntArray, layout: Layout) -> Stages:
+    """Lay out some clusters (B,), ascending."""
+    rank, bit = layout.rank, layout.bit
     slot_of = np.full(problem.n_clusters, -1)
     slot_of[clusters] = np.arange(len(clusters))
     slot_of_track = slot_of[problem.cluster]
@@ -159,7 +161,7 @@ def make_stages(
     step, slot = rank[problem.owner[leaf]], slot_of_track[problem.owner[leaf]]
     leaf = leaf[np.lexsort((-problem.log_score[leaf], slot, step))]
     step, slot = rank[problem.owner[leaf]], slot_of_track[problem.owner[leaf]]
-    mask = _masks(problem.contested[leaf], bit, n_bits)
+    mask = _masks(problem.contested[leaf], bit, int(layout.n_bits[clusters].max()))
     shape = (tracks.shape[1], len(clusters))
     first, count = _segments(step, slot, shape)
     own = np.full(problem.n_contested, -1)
