@@ -71,11 +71,11 @@ def test_equal_to_enumeration(seed):
 
 
 @pytest.mark.parametrize("seed", range(150))
-@pytest.mark.parametrize("width", [1, 4])
-def test_what_a_narrow_beam_covers_is_no_less_than_it_says(seed, width):
+@pytest.mark.parametrize("transitions", [1, 20])
+def test_what_a_narrow_beam_covers_is_no_less_than_it_says(seed, transitions):
     log_score, track, used = draw(seed)
     marginals, _, log_partition = by_enumeration(log_score, track, used)
-    found = leaf_probabilities(log_score, track, used, limits=SearchLimits(width=width))
+    found = leaf_probabilities(log_score, track, used, limits=SearchLimits(transitions=transitions))
     check_sums(found, track)
     covered = np.exp(found.log_partition - log_partition)
     assert (found.share <= covered + 1e-9).all()
@@ -92,7 +92,7 @@ def test_what_a_narrow_beam_covers_is_no_less_than_it_says(seed, width):
 def test_a_narrow_beam_is_flagged_and_prices_widen_it():
     engines = set()
     for seed in range(60):
-        found = leaf_probabilities(*draw(seed), limits=SearchLimits(width=2))
+        found = leaf_probabilities(*draw(seed), limits=SearchLimits(transitions=10))
         engines |= set(zip(found.engine, found.exact.tolist(), strict=True))
     assert ("dynamic_programming", False) in engines
     assert ("dynamic_programming", True) in engines
@@ -103,9 +103,9 @@ def test_priced_sums_equal_plain_ones():
     """What one width covers wholly, a smaller one covers in part: both weigh alike."""
     random = np.random.default_rng(8)
     leaves = random_leaves(random, 6, 15, window=4, per_scan=8, misses=0.1)
-    exact = leaf_probabilities(*leaves, limits=SearchLimits(width=10**6))
+    exact = leaf_probabilities(*leaves, limits=SearchLimits(transitions=10**8))
     assert exact.exact.all()
-    narrow = leaf_probabilities(*leaves, limits=SearchLimits(width=200))
+    narrow = leaf_probabilities(*leaves, limits=SearchLimits(transitions=3000))
     assert "priced_dynamic_programming" in narrow.engine
     assert (narrow.log_partition <= exact.log_partition + 1e-9).all()
     covered = np.exp(narrow.log_partition - exact.log_partition)

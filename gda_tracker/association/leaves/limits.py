@@ -17,7 +17,14 @@ ENGINES = (
 """Engines that answer a cluster, in the order in which they are tried."""
 
 
-LEAST = {"first_width": 1, "second_width": 1, "width": 1, "price_rounds": 0, "nodes": 0}
+LEAST = {
+    "first_width": 1,
+    "second_width": 1,
+    "width": 1,
+    "price_rounds": 0,
+    "nodes": 0,
+    "transitions": 1,
+}
 """Least value of each limit."""
 
 
@@ -26,9 +33,10 @@ class SearchLimits:
     """Limits of work, never of time: the same input gives the same answer.
 
     ``first_width`` and ``second_width`` are the beams of the first attempts (partial choices kept
-    of each cluster), ``width`` that of the last one, which has prices on the detections, and of
-    sums over all hypotheses; ``price_rounds`` are the rounds to find those prices; ``nodes`` the
-    branch-and-bound nodes of the last resort, 0 to go without.
+    of each cluster), ``width`` that of the last one, which has prices on the detections;
+    ``price_rounds`` are the rounds to find those prices; ``nodes`` the branch-and-bound nodes of the
+    last resort, 0 to go without. ``transitions`` bounds states times leaves of a track in sums over
+    all hypotheses.
     """
 
     first_width: int = 64
@@ -36,6 +44,7 @@ class SearchLimits:
     width: int = 4096
     price_rounds: int = 120
     nodes: int = 2000
+    transitions: int = 1_000_000
 
     def __post_init__(self) -> None:
         for name, least in LEAST.items():

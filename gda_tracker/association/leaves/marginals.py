@@ -81,7 +81,7 @@ def _batch_marginals(
     leaf = chosen[stages.tracks]
     path = np.where(inside, place[leaf], -1)
     log_best = problem.log_score[leaf].sum(axis=1, where=inside)
-    sums = sum_products(united, path, log_best, limits.width)
+    sums = sum_products(united, path, log_best, limits.transitions)
     found.log_partition[stages.clusters] = sums.log_partition
     found.share[stages.clusters] = sums.share
     found.engine[stages.clusters] = ENGINES.index(DYNAMIC_PROGRAMMING)
@@ -116,7 +116,7 @@ def _priced(
         priced.stages,
         position[path][None],
         np.array([log_best - total]),
-        limits.width,
+        limits.transitions,
         priced.closing,
     )
     return Sums(sums.probability[position], sums.log_partition + total, sums.share)

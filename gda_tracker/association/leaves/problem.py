@@ -187,8 +187,9 @@ def _problem(leaves: CheckedLeaves) -> LeafProblem:
 
 def _contested(owner: IntArray, used: IntArray, n_tracks: int) -> tuple[IntArray, int]:
     """Contested detections per leaf (M, N), and their number; ``owner`` ascends."""
-    leaf, scan = (used >= 0).nonzero()
-    detection = used[leaf, scan]
+    flat = used.ravel()
+    place = (flat >= 0).nonzero()[0]
+    detection = flat[place]
     contested = np.full(used.shape, -1)
     if len(detection) == 0:
         return contested, 0
@@ -199,16 +200,14 @@ def _contested(owner: IntArray, used: IntArray, n_tracks: int) -> tuple[IntArray
     else:
         values, detection = np.unique(detection, return_inverse=True)
         span = len(values)
-    track = owner[leaf]
-    first_track, last_track = np.empty(span, dtype=np.int64), np.empty(span, dtype=np.int64)
-    # Of repeated indices the last one is assigned.
+    track = owner[place // used.shape[1]]
+    # Of repeated indices the last one is assigned. Unused numbers stay unshared.
+    first_track, last_track = np.full(span, n_tracks), np.full(span, -1)
     first_track[detection[::-1]] = track[::-1]
     last_track[detection] = track
-    shared = np.zeros(span, dtype=np.bool_)
-    shared[detection] = True
-    shared &= first_track < last_track
+    shared = first_track < last_track
     number = np.where(shared, shared.cumsum() - 1, -1)
-    contested[leaf, scan] = number[detection]
+    contested.ravel()[place] = number[detection]
     return contested, int(np.count_nonzero(shared))
 
 
@@ -216,8 +215,9 @@ def _entries(
     owner: IntArray, contested: IntArray, n_tracks: int, n_contested: int
 ) -> tuple[IntArray, IntArray]:
     """Pairs of a track and a contested detection of its leaves, each once, by track."""
-    leaf, scan = (contested >= 0).nonzero()
-    key = owner[leaf] * n_contested + contested[leaf, scan]
+    flat = contested.ravel()
+    place = (flat >= 0).nonzero()[0]
+    key = owner[place // max(contested.shape[1], 1)] * n_contested + flat[place]
     if n_tracks * n_contested <= MAX_TABLE:
         seen = np.zeros(n_tracks * n_contested, dtype=np.bool_)
         seen[key] = True

@@ -91,7 +91,7 @@ def sum_products(
     stages: Stages,
     path: IntArray,
     log_best: FloatArray,
-    width: int,
+    transitions: int,
     closing: Closing | None = None,
 ) -> Sums:
     """Marginals of the leaves of a batch.
@@ -104,12 +104,13 @@ def sum_products(
         Leaves of one hypothesis of each cluster that is not left out, by step; -1 beyond the size.
     log_best : (B,)
         Log weight of a heavy hypothesis, for what is negligible.
-    width : int
-        States kept of each cluster after a step.
+    transitions : int
+        States kept of each cluster, times the leaves of a track.
     closing : optional
         With a batch of one cluster: costs, not negative, of detections left unused.
     """
     batch = len(stages.clusters)
+    width = max(1, transitions // int(stages.count.max()))
     some = stages.count > 0
     step_sum = np.zeros(stages.first.shape)
     step_sum[some] = log_sums(stages.log_score, stages.first[some])
