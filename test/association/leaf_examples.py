@@ -28,6 +28,19 @@ def random_leaves(
     return np.concatenate(scores)[order], np.concatenate(tracks)[order], np.concatenate(used)[order]
 
 
+def chain_leaves(random, n_tracks, window=8, n_leaves=6):
+    """(log_score, track, used) of one cluster in which only neighbours share detections."""
+    scores, tracks, used = [], [], []
+    for track in range(n_tracks):
+        near = random.integers(track, track + 2, (n_leaves, window)) + 1000 * np.arange(window)
+        near[random.random(near.shape) < 0.2] = -1
+        used += [near, np.full((1, window), -1)]
+        scores += [random.normal(0.0, 4.0, n_leaves), [-20.0]]
+        tracks.append(np.full(n_leaves + 1, track))
+    order = random.permutation(n_tracks * (n_leaves + 1))
+    return np.concatenate(scores)[order], np.concatenate(tracks)[order], np.concatenate(used)[order]
+
+
 def compatible(used, rows):
     """Whether leaves (their rows) share no detection."""
     detections = [d for row in rows for d in used[row].tolist() if d >= 0]

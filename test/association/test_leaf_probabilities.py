@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from leaf_examples import enumerate_all, random_leaves
+from leaf_examples import chain_leaves, enumerate_all, random_leaves
 
 from gda_tracker.association import leaf_probabilities as module
 from gda_tracker.association.errors import AssociationInputError, NoFeasibleHypothesis
@@ -70,7 +70,7 @@ def test_equal_to_enumeration(seed):
     np.testing.assert_allclose(found.log_partition, log_partition, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(150))
+@pytest.mark.parametrize("seed", range(100))
 @pytest.mark.parametrize("transitions", [1, 20])
 def test_what_a_narrow_beam_covers_is_no_less_than_it_says(seed, transitions):
     log_score, track, used = draw(seed)
@@ -99,19 +99,48 @@ def test_a_narrow_beam_is_flagged_and_prices_widen_it():
     assert ("priced_dynamic_programming", False) in engines
 
 
-def test_priced_sums_equal_plain_ones():
-    """What one width covers wholly, a smaller one covers in part: both weigh alike."""
-    random = np.random.default_rng(8)
-    leaves = random_leaves(random, 6, 15, window=4, per_scan=8, misses=0.1)
-    exact = leaf_probabilities(*leaves, limits=SearchLimits(transitions=10**8))
+@pytest.mark.parametrize("seed", [7, 8])
+def test_prices_cover_more_of_a_dense_cluster(seed):
+    random = np.random.default_rng(seed)
+    leaves = random_leaves(random, 7, 15, window=4, per_scan=6, misses=0.1)
+    exact = leaf_probabilities(*leaves)
     assert exact.exact.all()
-    narrow = leaf_probabilities(*leaves, limits=SearchLimits(transitions=3000))
-    assert "priced_dynamic_programming" in narrow.engine
-    assert (narrow.log_partition <= exact.log_partition + 1e-9).all()
-    covered = np.exp(narrow.log_partition - exact.log_partition)
-    assert covered.min() > 0.9
-    error = np.abs(narrow.probability - exact.probability).max()
-    assert error <= 1.0 - covered.min() + 1e-12
+    priced = leaf_probabilities(*leaves, limits=SearchLimits(transitions=300))
+    plain = leaf_probabilities(*leaves, limits=SearchLimits(transitions=300, price_rounds=0))
+    assert priced.engine == ("priced_dynamic_programming",)
+    assert plain.engine == ("dynamic_programming",)
+    assert 0.0 < plain.share[0] < priced.share[0] < 1.0
+    for found in (priced, plain):
+        covered = np.exp(found.log_partition - exact.log_partition)[0]
+        assert found.share[0] <= covered <= 1.0
+        assert np.abs(found.probability - exact.probability).max() <= 1.0 - covered + 1e-12
+
+
+def test_a_long_chain_equals_sums_by_matrices():
+    """Only neighbours compete: sums over pairs of them, forward and backward, are a check."""
+    log_score, track, used = chain_leaves(np.random.default_rng(3), 50)
+    rows = [(track == t).nonzero()[0] for t in range(50)]
+    taken = [[set(used[r][used[r] >= 0].tolist()) for r in own] for own in rows]
+    fits = [
+        np.array([[not (a & b) for b in taken[t + 1]] for a in taken[t]], dtype=float)
+        for t in range(49)
+    ]
+    weight = [np.exp(log_score[own] - log_score[own].max()) for own in rows]
+    before = [weight[0] / weight[0].sum()]
+    for t in range(49):
+        ahead = (before[t] @ fits[t]) * weight[t + 1]
+        before.append(ahead / ahead.sum())
+    after = [np.ones(len(rows[-1]))]
+    for t in range(48, -1, -1):
+        behind = fits[t] @ (weight[t + 1] * after[0])
+        after.insert(0, behind / behind.sum())
+    found = leaf_probabilities(log_score, track, used)
+    assert found.exact.tolist() == [True]
+    for t in range(50):
+        expected = before[t] * after[t]
+        np.testing.assert_allclose(
+            found.probability[rows[t]], expected / expected.sum(), rtol=0, atol=1e-12
+        )
 
 
 def test_k_best_hypotheses_explain_the_marginals():

@@ -34,9 +34,9 @@ class SearchLimits:
 
     ``first_width`` and ``second_width`` are the beams of the first attempts (partial choices kept
     of each cluster), ``width`` that of the last one, which has prices on the detections;
-    ``price_rounds`` are the rounds to find those prices; ``nodes`` the branch-and-bound nodes of the
-    last resort, 0 to go without. ``transitions`` bounds states times leaves of a track in sums over
-    all hypotheses.
+    ``price_rounds`` are the rounds to find those prices; ``nodes`` the branch-and-bound nodes of
+    the last resort, 0 to go without. ``transitions`` bounds states times leaves of a track in sums
+    over all hypotheses.
     """
 
     first_width: int = 64

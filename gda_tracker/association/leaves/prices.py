@@ -113,8 +113,7 @@ def with_prices(stages: Stages, problem: LeafProblem, prices: FloatArray, budget
 
 def _used_bits(stages: Stages, problem: LeafProblem) -> tuple[IntArray, int]:
     """Bits of the detections of each leaf (O, N), and their number, which stands for none."""
-    contested = problem.contested[stages.leaf]
-    used = np.where(contested >= 0, stages.bit[contested], -1)
+    used = np.append(stages.bit, -1)[problem.contested[stages.leaf]]  # -1 is the last one
     n_bits = int(used.max(initial=-1)) + 1
     used[used < 0] = n_bits
     return used, n_bits

@@ -2,7 +2,8 @@
 
 A partial choice has a *deficit*: what it lacks to the highest scores of its tracks. Deficits only
 grow, so that a partial choice which was left out bounds all hypotheses that descend from it:
-whatever is found with a smaller deficit than everything left out is proven best.
+whatever is found with a smaller deficit than everything left out is proven best. Where the beam has
+to be narrowed, the bound looks ahead to the leaves that the remaining tracks can still take.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gda_tracker.association.leaves.outlook import last_affected, outlook
 from gda_tracker.association.leaves.stages import Stages, WordArray, ragged_range
-from gda_tracker.vocabulary.arrays import FloatArray, IntArray
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 Closing = Sequence[Sequence[tuple[int, int, float]]]
 """Per step the detections that no later step may use: word, bit, and the cost of leaving it."""
@@ -38,7 +40,7 @@ def search(
     stages: Stages,
     k: int,
     width: int,
-    budget: FloatArray | None = None,
+    budget: FloatArray,
     closing: Closing | None = None,
 ) -> Found:
     """Find up to k best hypotheses of each cluster.
@@ -51,7 +53,7 @@ def search(
         Hypotheses wanted of each cluster.
     width : int
         Partial choices kept of each cluster after a step, at least k.
-    budget : (B,), optional
+    budget : (B,)
         Hypotheses of a larger deficit are not wanted.
     closing : optional
         With a batch of one cluster: costs, not negative, of detections left unused.
@@ -62,6 +64,7 @@ def search(
     value = np.zeros(batch)
     mask = np.zeros((len(stages.mask), batch), dtype=np.uint64)
     left_out = np.full(batch, np.inf)
+    affected: list[int] | None = None
     trail: list[tuple[IntArray, IntArray]] = []
     finished: list[tuple[IntArray, IntArray, FloatArray]] = []
     for step in range(stages.n_steps):
@@ -76,8 +79,7 @@ def search(
         for word, leaf_word in zip(mask, stages.mask, strict=True):
             clash |= word[parent] & leaf_word[option]
         fits = clash == 0
-        if budget is not None:
-            fits &= value[parent] + deficit[option] <= budget[slot[parent]]
+        fits &= value[parent] + deficit[option] <= budget[slot[parent]]
         parent, option = parent[fits], option[fits]
         slot = slot[parent]
         value = value[parent] + deficit[option]
@@ -86,7 +88,15 @@ def search(
             value += unused_costs(mask, closing[step])
         mask &= stages.open_after[:, step, slot]
         kept = _best_of_states(slot, value, mask, k)
-        kept = _narrow(kept, slot[kept], value[kept], width, left_out)
+        crowded = _crowded(slot[kept], width, batch)
+        if crowded.any():
+            affected = last_affected(stages) if affected is None else affected
+            rows = kept[crowded]
+            bound = value[kept]
+            bound[crowded] -= outlook(
+                stages, -deficit, step, affected[step], slot[rows], mask[:, rows]
+            )
+            kept = kept[_narrow(slot[kept], bound, width, budget, left_out)]
         trail.append((parent[kept], option[kept]))
         slot, value, mask = slot[kept], value[kept], mask[:, kept]
     finished.append((np.arange(len(slot)), slot, value))
@@ -118,18 +128,27 @@ def _best_of_states(slot: IntArray, value: FloatArray, mask: WordArray, k: int) 
     return order[rank < k]
 
 
+def _crowded(slot: IntArray, width: int, batch: int) -> BoolArray:
+    """Rows of the clusters that have more than ``width``."""
+    crowded: BoolArray = (np.bincount(slot, minlength=batch) > width)[slot]
+    return crowded
+
+
 def _narrow(
-    kept: IntArray, slot: IntArray, value: FloatArray, width: int, left_out: FloatArray
+    slot: IntArray, bound: FloatArray, width: int, budget: FloatArray, left_out: FloatArray
 ) -> IntArray:
-    """Rows of the least values of each cluster, ``width`` at most; notes what is left out."""
-    count = np.bincount(slot, minlength=len(left_out))
-    if max(count.tolist(), default=0) <= width:
-        return kept
-    order = np.lexsort((value, slot))
+    """Rows of the least bounds of each cluster, ``width`` at most; notes what is left out.
+
+    Rows beyond the budget, and those that no hypothesis descends from, are not wanted.
+    """
+    wanted = ((bound < np.inf) & (bound <= budget[slot])).nonzero()[0]
+    order = wanted[np.lexsort((bound[wanted], slot[wanted]))]
+    count = np.bincount(slot[wanted], minlength=len(budget))
     rank = np.arange(len(order)) - (count.cumsum() - count)[slot[order]]
     first_out = order[rank == width]
-    left_out[slot[first_out]] = np.minimum(left_out[slot[first_out]], value[first_out])
-    return kept[np.sort(order[rank < width])]
+    left_out[slot[first_out]] = np.minimum(left_out[slot[first_out]], bound[first_out])
+    kept: IntArray = np.sort(order[rank < width])
+    return kept
 
 
 def _trace(

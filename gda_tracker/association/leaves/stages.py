@@ -215,9 +215,7 @@ def _masks(contested: IntArray, bit: IntArray, n_bits: int) -> WordArray:
     """Contested detections (O, N) as words of bits (W, O)."""
     words = max(1, -(-n_bits // WORD))
     mask = np.zeros((words, len(contested)), dtype=np.uint64)
-    if len(bit) == 0:
-        return mask
-    place = np.where(contested >= 0, bit[contested], -1)
+    place = np.append(bit, -1)[contested]  # -1 is the last one
     one = np.left_shift(np.uint64(1), (place % WORD).astype(np.uint64))
     for w in range(words):
         here = (place >= w * WORD) & (place < (w + 1) * WORD)

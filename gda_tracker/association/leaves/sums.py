@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gda_tracker.association.leaves.outlook import last_affected, outlook
 from gda_tracker.association.leaves.search import Closing, unused_costs
 from gda_tracker.association.leaves.stages import Stages, WordArray, ragged_range
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
@@ -118,6 +119,8 @@ def sum_products(
     rest = np.zeros((stages.n_steps + 1, batch))
     rest[:-1] = step_sum[::-1].cumsum(axis=0)[::-1]
     lost = np.full(batch, -np.inf)
+    remaining = _sums_from(stages)
+    affected: list[int] | None = None
 
     slot = np.arange(batch)
     log_sum = np.zeros(batch)
@@ -153,8 +156,16 @@ def sum_products(
         on_path[:, live] &= stages.open_after[:, step, live]
         wanted = (group_mask == on_path[:, group_slot]).all(axis=0)
         bound = total + rest[step + 1, group_slot]
+        crowded = (np.bincount(group_slot, minlength=batch) > width)[group_slot]
+        if crowded.any():
+            affected = last_affected(stages) if affected is None else affected
+            last = affected[step]
+            bound[crowded] = total[crowded] + rest[last + 1, group_slot[crowded]]
+            bound[crowded] += outlook(
+                stages, remaining, step, last, group_slot[crowded], group_mask[:, crowded]
+            )
         kept = wanted | (bound >= log_best[group_slot] + LOG_NEGLIGIBLE)
-        _narrow(kept, wanted, group_slot, total, width)
+        _narrow(kept, wanted, group_slot, bound, width)
         np.logaddexp.at(lost, group_slot[~kept], bound[~kept])
         number = np.where(kept, kept.cumsum() - 1, -1)
         child = np.empty(len(order), dtype=np.int64)
@@ -177,15 +188,23 @@ def _by_state(slot: IntArray, mask: WordArray) -> tuple[IntArray, BoolArray]:
     return order, begin
 
 
+def _sums_from(stages: Stages) -> FloatArray:
+    """Upper bound (O,) of the log weight of a leaf and those after it of its step and cluster."""
+    first = stages.first[stages.step, stages.slot]
+    left = first + stages.count[stages.step, stages.slot] - np.arange(len(first))
+    bound: FloatArray = stages.log_score + np.log(left)
+    return bound
+
+
 def _narrow(
-    kept: BoolArray, wanted: BoolArray, slot: IntArray, total: FloatArray, width: int
+    kept: BoolArray, wanted: BoolArray, slot: IntArray, bound: FloatArray, width: int
 ) -> None:
-    """Unmark the lightest states of clusters that keep more than ``width``, but none wanted."""
+    """Unmark the states of least bound of clusters with more than ``width``, but none wanted."""
     count = np.bincount(slot[kept])
     if max(count.tolist(), default=0) <= width:
         return
     rows = kept.nonzero()[0]
-    order = rows[np.lexsort((-total[rows], ~wanted[rows], slot[rows]))]
+    order = rows[np.lexsort((-bound[rows], ~wanted[rows], slot[rows]))]
     rank = np.arange(len(order)) - (count.cumsum() - count)[slot[order]]
     kept[order[rank >= width]] = False
 
