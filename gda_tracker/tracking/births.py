@@ -10,7 +10,7 @@ from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
 from gda_tracker.tracking.initiation import NewTracks, StartPoints, bounded_speed, start_tracks
 from gda_tracker.tracking.lifecycle import confirmed
 from gda_tracker.tracking.model_states import with_models
-from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.parameters import M_OF_N, TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.beliefs import Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
@@ -91,17 +91,20 @@ def hypotheses_of_births(
         first_detection_ns=new.first_stamp_ns[:count],
         last_detection_ns=np.full(count, scan.key.stamp_ns, dtype=np.int64),
         detection_index=scan.source_index[detection].astype(np.int64),
+        # The two detections say where the track is, not whether there is a target.
+        log_likelihood_ratio=np.zeros(count),
         conflict=np.zeros(count),
         masses=masses,
         class_probability=classes,
     )
     begin_windows(started, table, evidence, detection)
-    started.status = confirmed(
-        started.status,
-        started.history,
-        parameters.confirmation_hits,
-        parameters.confirmation_scans,
-    )
+    if parameters.extraction == M_OF_N:
+        started.status = confirmed(
+            started.status,
+            started.history,
+            parameters.confirmation_hits,
+            parameters.confirmation_scans,
+        )
     return with_models(started, parameters) if parameters.filter == "imm" else started
 
 

@@ -27,7 +27,8 @@ class HypothesisTable:
     ``mean`` (H, s) [m, m/s], ``covariance`` (H, s, s); ``history`` (H,) has the hits of the last
     scans as bits, newest in bit 0; ``detection_index`` (H,) is the row of the last scan's detection
     in the source's array, -1 for none. Beliefs: ``masses`` (H, E) over the Venn bitmasks ``focal``
-    of the frame, ``class_probability`` (H, C), ``conflict`` (H,). The fields of the history window
+    of the frame, ``class_probability`` (H, C), ``conflict`` (H,). ``log_likelihood_ratio`` (H,) is
+    that of sequential extraction, kept as long as it is in use. The fields of the history window
     are those of ``Predictions``, see :mod:`gda_tracker.tracking.history_window`; no columns without
     a window.
 
@@ -50,6 +51,7 @@ class HypothesisTable:
     first_detection_ns: IntArray = field(default_factory=_ints)
     last_detection_ns: IntArray = field(default_factory=_ints)
     detection_index: IntArray = field(default_factory=_ints)
+    log_likelihood_ratio: FloatArray = field(default_factory=empty_floats)
     conflict: FloatArray = field(default_factory=empty_floats)
     masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))

@@ -63,6 +63,8 @@ def hypotheses_of_tracks(
         first_detection_ns=initial.first_detection_ns.copy(),
         last_detection_ns=initial.last_detection_ns.copy(),
         detection_index=initial.detection_index.astype(np.int64),
+        # What is given exists.
+        log_likelihood_ratio=np.full(n, np.inf),
         conflict=initial.conflict.copy(),
         masses=initial.masses.copy(),
         class_probability=initial.class_probability.copy(),

@@ -28,7 +28,7 @@ from gda_tracker.tracking.history_window import remember, with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initial_tracks import fault_of_initial_tracks, hypotheses_of_tracks
 from gda_tracker.tracking.initiation import StartPoints
-from gda_tracker.tracking.lifecycle import confirmed, ended
+from gda_tracker.tracking.life import judge
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.predictions import predictions_of
@@ -282,19 +282,7 @@ class TrackManager:
         table.last_detection_ns = np.where(hit, stamp_ns, table.last_detection_ns)
         source = np.append(opened.scan.source_index, -1).astype(np.int64)
         table.detection_index = source[assigned]
-        table.status = confirmed(
-            table.status, table.history, p.confirmation_hits, p.confirmation_scans
-        )
-        gone = ended(
-            table.status,
-            table.history,
-            table.age_scans,
-            table.coasted_scans,
-            confirmation_hits=p.confirmation_hits,
-            confirmation_scans=p.confirmation_scans,
-            deletion_misses=p.deletion_misses,
-            tentative_deletion_misses=p.tentative_deletion_misses,
-        )
+        gone = judge(table, opened.predictions, scores, associations, p)
         deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
         if gone.any():
             table = table.select(~gone)

@@ -8,9 +8,12 @@ from gda_tracker.association.choices import DECISIONS, MISSED_TRACK_HYPOTHESES
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS
 from gda_tracker.kinematics.motion_models import FILTERS
 from gda_tracker.parameters import ParameterError, parameter
+from gda_tracker.tracking.extraction import sequential_test
 from gda_tracker.tracking.lifecycle import LONGEST_WINDOW
 from gda_tracker.vocabulary.hypotheses import HISTORY_POLICIES
 
+M_OF_N, SEQUENTIAL = "m_of_n", "sequential"
+EXTRACTIONS = (M_OF_N, SEQUENTIAL)
 INITIATIONS = ("automatic", "labelled")
 # The number of a model travels in one byte; more than a few gain nothing.
 MOST_MODELS = 16
@@ -82,17 +85,42 @@ class TrackManagerParameters:
         unit="1/(m rad)",
         minimum=0.0,
     )
+    extraction: str = parameter(
+        M_OF_N,
+        "what confirms and ends tracks: m_of_n (M detections within N scans, misses in a row) or "
+        "sequential (likelihood ratio test with the two error probabilities)",
+        choices=EXTRACTIONS,
+    )
+    false_track_probability: float = parameter(
+        0.001,
+        "sequential: chance that a track started by false detections is confirmed",
+        minimum=0.0,
+        maximum=1.0,
+        minimum_excluded=True,
+        advanced=True,
+    )
+    missed_track_probability: float = parameter(
+        0.05,
+        "sequential: chance that the track of a target is given up before it is confirmed",
+        minimum=0.0,
+        maximum=1.0,
+        minimum_excluded=True,
+        advanced=True,
+    )
     confirmation_hits: int = parameter(
         3,
-        "M of M-of-N: scans with a detection that confirm a track",
+        "M of m_of_n: scans with a detection that confirm a track",
         minimum=2,
         maximum=LONGEST_WINDOW,
     )
     confirmation_scans: int = parameter(
-        4, "N of M-of-N: the last scans that are looked at", minimum=2, maximum=LONGEST_WINDOW
+        4, "N of m_of_n: the last scans that are looked at", minimum=2, maximum=LONGEST_WINDOW
     )
     deletion_misses: int = parameter(
-        4, "scans in a row without a detection that end a confirmed track; 0: never", minimum=0
+        4,
+        "m_of_n: scans in a row without a detection that end a confirmed track; 0: never, whatever "
+        "the extraction",
+        minimum=0,
     )
     history_policy: str = parameter(
         "none",
@@ -147,7 +175,7 @@ class TrackManagerParameters:
     )
     tentative_deletion_misses: int = parameter(
         2,
-        "scans in a row without a detection that end a tentative track; 0: never",
+        "m_of_n: scans in a row without a detection that end a tentative track; 0: never",
         minimum=0,
         advanced=True,
     )
@@ -311,6 +339,7 @@ class TrackManagerParameters:
                 f"parameter reorder_sensors = {self.reorder_sensors}: allowed only with a "
                 "reorder_window_s above 0, after which a silent sensor is not waited for"
             )
+        sequential_test(self.false_track_probability, self.missed_track_probability)
         if self.detections_depth < self.queue_depth:
             raise ParameterError(
                 f"parameter detections_depth = {self.detections_depth}: allowed is at least "
