@@ -36,6 +36,7 @@ A method is decision/attribute/filter:
              bayes        class likelihoods of the RCS
              (docs/attribute-terms.md has all of them measured)
   filter     cv   constant velocity
+             imm  two models of it with different process noise, interacting
 or clairvoyant: the own detection whenever it is there and in the gate, the bound
 for all of them.
 

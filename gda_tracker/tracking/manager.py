@@ -263,7 +263,7 @@ class TrackManager:
         table = opened.table.copy()
         assigned = associations.assigned_detection
         hit = assigned >= 0
-        update_states(table, opened.scan, assigned)
+        update_states(table, opened.scan, assigned, self.parameters.use_range_rate)
         if evidence is not None:
             table.use_frame(evidence.frame, evidence.class_names)
         if scores is not None and not associations.degraded:

@@ -13,6 +13,7 @@ import numpy as np
 from gda_tracker.kinematics import imm
 from gda_tracker.kinematics.gaussian_filters import update
 from gda_tracker.kinematics.motion_models import constant_velocity
+from gda_tracker.kinematics.range_rate import RangeRates, update_with_range_rate
 from gda_tracker.kinematics.sensor_models import PolarMeasurements, innovations
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.parameters import TrackManagerParameters
@@ -77,7 +78,11 @@ def _models(
 
 
 def update_models(
-    table: HypothesisTable, measurements: PolarMeasurements, rows: IntArray, detection: Int32Array
+    table: HypothesisTable,
+    measurements: PolarMeasurements,
+    rates: RangeRates | None,
+    rows: IntArray,
+    detection: Int32Array,
 ) -> None:
     """Update hypotheses ``rows`` (R,) with detections (R,): each model, and their weights.
 
@@ -86,15 +91,23 @@ def update_models(
     count, size = table.model_mean.shape[1:]
     flat_mean = table.model_mean[rows].reshape(-1, size)
     flat_covariance = table.model_covariance[rows].reshape(-1, size, size)
-    innovation = innovations(measurements, flat_mean, flat_covariance, np.repeat(detection, count))
-    squared, determinant = innovation.mahalanobis_squared()
-    # Without the factor 1/(2 pi), the same for all models.
-    log_likelihood = -0.5 * (squared + np.log(determinant)).reshape(-1, count)
-    new_mean, new_covariance = update(flat_mean, flat_covariance, innovation)
+    each = np.repeat(detection, count)
+    innovation = innovations(measurements, flat_mean, flat_covariance, each)
+    if rates is None:
+        squared, determinant = innovation.mahalanobis_squared()
+        # Without the factor 1/(2 pi), the same for all models.
+        log_likelihood = -0.5 * (squared + np.log(determinant))
+        new_mean, new_covariance = update(flat_mean, flat_covariance, innovation)
+    else:
+        updated = update_with_range_rate(
+            flat_mean, flat_covariance, innovation, measurements, rates, each
+        )
+        log_likelihood = updated.log_likelihood
+        new_mean, new_covariance = updated.mean, updated.covariance
 
     weight = table.model_weight.copy()
     mean, covariance = table.model_mean.copy(), table.model_covariance.copy()
-    weight[rows], _ = imm.reweight(table.model_weight[rows], log_likelihood)
+    weight[rows], _ = imm.reweight(table.model_weight[rows], log_likelihood.reshape(-1, count))
     mean[rows] = new_mean.reshape(-1, count, size)
     covariance[rows] = new_covariance.reshape(-1, count, size, size)
     _set(table, weight, mean, covariance)

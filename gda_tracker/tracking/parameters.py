@@ -296,6 +296,12 @@ class TrackManagerParameters:
         advanced=True,
     )
 
+    use_range_rate: bool = parameter(
+        True,
+        "update states also with the range rates that detections bring; false for a sensor whose "
+        "own motion is still in them",
+        advanced=True,
+    )
     imm_process_noise_factors: list[float] = parameter(
         [0.3, 1.5],
         "process noise of each model of imm, as a multiple of process_noise_std_mps2",

@@ -6,6 +6,7 @@ import numpy as np
 
 from gda_tracker.kinematics.gaussian_filters import predict, update
 from gda_tracker.kinematics.motion_models import constant_velocity
+from gda_tracker.kinematics.range_rate import range_rates, update_with_range_rate
 from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.model_states import predict_models, update_models, without_models
@@ -34,22 +35,33 @@ def predict_states(
     return predicted
 
 
-def update_states(table: HypothesisTable, scan: Scan, assigned: Int32Array) -> None:
+def update_states(
+    table: HypothesisTable, scan: Scan, assigned: Int32Array, use_range_rate: bool = True
+) -> None:
     """Update the state of each hypothesis with the detection it is assigned.
 
     ``assigned`` (H,) is a row of the scan, or -1 for a hypothesis that stays as it was predicted.
+    With ``use_range_rate`` range rates count where the scan has any.
     """
     rows = np.flatnonzero(assigned >= 0)
     if not len(rows):
         return
+    measurements = polar_measurements(scan)
+    rates = range_rates(scan, measurements) if use_range_rate else None
+    detection = assigned[rows]
     if table.model_weight.shape[1]:
-        update_models(table, polar_measurements(scan), rows, assigned[rows])
+        update_models(table, measurements, rates, rows, detection)
         return
-    innovation = innovations(
-        polar_measurements(scan), table.mean[rows], table.covariance[rows], assigned[rows]
-    )
+    old_mean, old_covariance = table.mean[rows], table.covariance[rows]
+    innovation = innovations(measurements, old_mean, old_covariance, detection)
     mean, covariance = table.mean.copy(), table.covariance.copy()
-    mean[rows], covariance[rows] = update(table.mean[rows], table.covariance[rows], innovation)
+    if rates is None:
+        mean[rows], covariance[rows] = update(old_mean, old_covariance, innovation)
+    else:
+        updated = update_with_range_rate(
+            old_mean, old_covariance, innovation, measurements, rates, detection
+        )
+        mean[rows], covariance[rows] = updated.mean, updated.covariance
     table.mean, table.covariance = mean, covariance
 
 

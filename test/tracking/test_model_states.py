@@ -1,5 +1,7 @@
 """The filter imm in the ring: against plain loops, limiting cases, a whole life of tracks."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from tracking_examples import (
@@ -269,3 +271,33 @@ def test_a_method_names_the_filter():
     assert parse_method("map/bayes/imm")["filter"] == "imm"
     with pytest.raises(ParameterError, match=r"cv\|imm"):
         parse_method("map/bayes/ukf")
+
+
+@pytest.mark.parametrize("filter_", [{}, IMM], ids=["cv", "imm"])
+def test_range_rate_makes_the_velocity_known_and_can_be_left_out(filter_):
+    """Noisy azimuths, exact rates: the speed along the line of sight; off, nothing changes."""
+    rng = np.random.default_rng(6)
+    settings = {**filter_, "azimuth_std_rad": 0.01, "range_std_m": 30.0, "initiation": "labelled"}
+    rings = [
+        ring_of(**settings),
+        ring_of(**settings, range_rate_std_mps=0.2),
+        ring_of(**settings, use_range_rate=False),
+    ]
+    for ring in rings:
+        ring.initialise(initial_tracks(1))
+    velocity = np.array([10.0, -5.0])
+    errors = []
+    for k in range(1, 9):
+        position = moving(10.0 + k)
+        sight = position / np.linalg.norm(position)
+        scan = scan_at(10.0 + k, [position])
+        scan.range_m += rng.normal(0.0, 30.0, 1)
+        scan.azimuth_rad += rng.normal(0.0, 0.01, 1)
+        plain = rings[0].process(scan).tracks
+        rated = dataclasses.replace(scan, range_rate_mps=velocity @ sight + rng.normal(0, 0.2, 1))
+        known = rings[1].process(rated).tracks
+        assert_same(rings[2].process(rated).tracks.mean, plain.mean)
+        errors.append([abs((t.mean[0, 2:] - velocity) @ sight) for t in (plain, known)])
+        variance = [sight @ t.covariance[0, 2:, 2:] @ sight for t in (plain, known)]
+        assert variance[1] < 0.25**2 < variance[0]
+    assert np.mean(errors, axis=0)[1] < 0.5 * np.mean(errors, axis=0)[0]
