@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gda_tracker.association.assignment import choose_by_probability, choose_most_probable
-from gda_tracker.association.choices import DECISIONS, ENGINES
+from gda_tracker.association.best_permutations import without_permutations
+from gda_tracker.association.choices import COALESCENCE_REMEDIES, DECISIONS, ENGINES, JPDA
 from gda_tracker.association.cluster_marginals import (
     EngineLimits,
     JointWeights,
@@ -45,6 +46,12 @@ class AssociationParameters:
         "this size; each step up doubles the time",
         minimum=1,
         maximum=MAX_ELEMENTS,
+    )
+    coalescence_remedy: str = parameter(
+        "none",
+        "against close tracks drawn together by the decision jpda: jpda_star counts only the most "
+        "probable of the joint hypotheses with the same tracks and detections; none is plain JPDA",
+        choices=COALESCENCE_REMEDIES,
     )
     belief_propagation_iterations: int = parameter(
         200,
@@ -84,6 +91,7 @@ class Associator:
             parameters.belief_propagation_iterations,
             parameters.belief_propagation_tolerance,
         )
+        self._prunes_permutations = parameters.coalescence_remedy == "jpda_star"
 
     def lay_groundwork(self, scan: Scan, predictions: Predictions, pairs: GatedPairs) -> Groundwork:
         """Do the part of the work that needs no attribute scores."""
@@ -117,8 +125,9 @@ class Associator:
         Decision ``gda``: smallest sum of 1 - P_k P_a. With a term that has a distance, P_k is of
         the kinematics alone; with one that has a likelihood only, P_k is of the joint likelihood
         and P_a = 1. Decision ``map``: the most probable joint hypothesis under the joint
-        likelihood. Without scores kinematics alone decide, the result is marked degraded and its
-        attribute term is ``none``. (Tchamova et al. 2004, 14.4)
+        likelihood. Decision ``jpda``: the same is chosen, and ``joint_marginal`` follows the
+        coalescence remedy. Without scores kinematics alone decide, the result is marked degraded
+        and its attribute term is ``none``. (Tchamova et al. 2004, 14.4)
 
         Parameters
         ----------
@@ -186,6 +195,9 @@ class Associator:
             raise
         p_kinematic = found.marginals[0]
         joint_marginal = found.marginals[0 if weightings[0] is joint else 1]
+        engine = found.engine
+        if settings.decision == JPDA and self._prunes_permutations:
+            joint_marginal, engine = without_permutations(clusters, joint, joint_marginal, engine)
         if by_distance:
             assert scores is not None
             p_attribute = attribute_probability(clusters, found.marginals[-1], scores.informative)
@@ -219,7 +231,7 @@ class Associator:
             chosen=chosen,
             cluster=clusters.pair_cluster,
             assigned_detection=assigned,
-            cluster_engine=found.engine,
+            cluster_engine=engine,
             cluster_converged=found.converged,
             engine_names=ENGINES,
         )

@@ -8,6 +8,9 @@ from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
 from gda_tracker.vocabulary.scans import ScanKey
 
+MARGINAL_TOLERANCE = 1e-3
+"""By how much the marginals of a hypothesis may sum to more than 1: an engine may approximate."""
+
 
 class Inconsistent(ValueError):
     """A stage's answer does not fit the open scan; the message says what is wrong."""
@@ -27,8 +30,8 @@ def check_answers(
     ------
     Inconsistent
         If a key is not that of the open scan, a size or an index is wrong, a detection is assigned
-        twice, the chosen pairs are not the assigned ones, the pair lists of scores and associations
-        differ, or a belief is not finite.
+        twice, the chosen pairs are not the assigned ones, marginals are no probabilities, the pair
+        lists of scores and associations differ, or a belief is not finite.
     """
     for answer in (evidence, scores, associations):
         if answer is not None and answer.key != key:
@@ -56,7 +59,8 @@ def _check_associations(associations: Associations, n_hypotheses: int, n_detecti
     if assigned.shape != (n_hypotheses,):
         raise Inconsistent("associations: one assigned detection per hypothesis expected")
     hypothesis, detection = associations.hypothesis, associations.detection
-    if not hypothesis.shape == detection.shape == associations.chosen.shape:
+    pairs = (hypothesis, detection, associations.chosen, associations.joint_marginal)
+    if len({part.shape for part in pairs}) > 1:
         raise Inconsistent("associations: arrays of the pairs differ in length")
     for name, rows, lowest, count in (
         ("assigned detection", assigned, -1, n_detections),
@@ -73,6 +77,10 @@ def _check_associations(associations: Associations, n_hypotheses: int, n_detecti
         assigned[hypothesis[chosen]], detection[chosen]
     ):
         raise Inconsistent("associations: the chosen pairs are not the assigned detections")
+    marginal = associations.joint_marginal
+    sums = np.bincount(hypothesis, marginal, minlength=n_hypotheses)
+    if not ((marginal >= 0.0).all() and (sums <= 1.0 + MARGINAL_TOLERANCE).all()):
+        raise Inconsistent("associations: the joint marginals of a hypothesis are no probabilities")
 
 
 def _check_beliefs(name: str, answer: Evidence | AttributeScores, rows: int) -> None:

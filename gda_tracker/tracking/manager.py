@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gda_tracker.association.choices import JPDA
 from gda_tracker.tracking.answers import Inconsistent, check_answers
 from gda_tracker.tracking.births import (
     hypotheses_of_births,
@@ -28,6 +29,7 @@ from gda_tracker.tracking.history_window import remember, with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initial_tracks import fault_of_initial_tracks, hypotheses_of_tracks
 from gda_tracker.tracking.initiation import StartPoints
+from gda_tracker.tracking.jpda_update import update_by_marginals
 from gda_tracker.tracking.life import judge
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.parameters import TrackManagerParameters
@@ -263,14 +265,19 @@ class TrackManager:
         table = opened.table.copy()
         assigned = associations.assigned_detection
         hit = assigned >= 0
-        update_states(table, opened.scan, assigned, self.parameters.use_range_rate)
         if evidence is not None:
             table.use_frame(evidence.frame, evidence.class_names)
-        if scores is not None and not associations.degraded:
-            update_beliefs(table, scores, associations.chosen)
-            if evidence is not None:
-                taken = np.flatnonzero(associations.chosen)
-                remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])
+        if associations.degraded:
+            scores = None
+        if associations.decision == JPDA:
+            update_by_marginals(table, opened.scan, scores, associations)
+        else:
+            update_states(table, opened.scan, assigned, self.parameters.use_range_rate)
+            if scores is not None:
+                update_beliefs(table, scores, associations.chosen)
+        if scores is not None and evidence is not None:
+            taken = np.flatnonzero(associations.chosen)
+            remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])
 
         p = self.parameters
         table.history = ((table.history << 1) & np.int64((1 << 60) - 1)) | hit
