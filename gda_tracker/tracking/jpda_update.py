@@ -30,10 +30,16 @@ def update_by_marginals(
     scan: Scan,
     scores: AttributeScores | None,
     associations: Associations,
+    use_range_rate: bool = True,
 ) -> None:
     """Update states and, with scores, beliefs by the joint marginals of the associations."""
     update_states_by_marginals(
-        table, scan, associations.hypothesis, associations.detection, associations.joint_marginal
+        table,
+        scan,
+        associations.hypothesis,
+        associations.detection,
+        associations.joint_marginal,
+        use_range_rate,
     )
     if scores is not None:
         update_beliefs_by_marginals(table, scores, associations.joint_marginal)
@@ -45,6 +51,7 @@ def update_states_by_marginals(
     hypothesis: Int32Array,
     detection: Int32Array,
     marginal: FloatArray,
+    use_range_rate: bool = True,
 ) -> None:
     """Update the state of each hypothesis with its detections, weighted by their probabilities.
 
@@ -62,7 +69,7 @@ def update_states_by_marginals(
         return
     missed = missed_probability(len(table), hypothesis, marginal)
     updated = table.select(hypothesis)
-    update_states(updated, scan, detection)
+    update_states(updated, scan, detection, use_range_rate)
     if not table.model_weight.shape[1]:
         _, mean, covariance = _mixed(
             missed[:, None],

@@ -270,7 +270,9 @@ class TrackManager:
         if associations.degraded:
             scores = None
         if associations.decision == JPDA:
-            update_by_marginals(table, opened.scan, scores, associations)
+            update_by_marginals(
+                table, opened.scan, scores, associations, self.parameters.use_range_rate
+            )
         else:
             update_states(table, opened.scan, assigned, self.parameters.use_range_rate)
             if scores is not None:
