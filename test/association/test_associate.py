@@ -504,8 +504,8 @@ def test_scores_of_another_term_or_size_are_refused(make_stage_input):
 
 
 def test_unknown_decision_is_refused(make_stage_input):
-    with pytest.raises(AssociationInputError, match="'jpda'.*gda, map"):
-        associate(*make_stage_input([[-9.0]], decision="jpda"))
+    with pytest.raises(AssociationInputError, match="'nearest'.*gda, map"):
+        associate(*make_stage_input([[-9.0]], decision="nearest"))
 
 
 def test_the_same_input_gives_the_same_bits(make_stage_input):
