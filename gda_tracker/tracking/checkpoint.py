@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import ROW_FIELDS, HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.manager import TrackManager
@@ -36,6 +37,7 @@ _LENGTH = struct.Struct("<Q")
 _CHECKSUM = struct.Struct("<I")
 _TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal")
 _POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))
+_CLUTTER_FIELDS = ("extent_m", "exposure_scans", "count")
 # Fields of ManagerState that are written as they are.
 _PLAIN = ("next_track_id", "next_hypothesis_id", "last_ns", "degraded", "scans_closed")
 
@@ -55,6 +57,7 @@ def save(manager: TrackManager, path: Path) -> None:
     state = manager.state
     arrays = {f"table_{name}": getattr(state.table, name) for name in _TABLE_FIELDS}
     arrays |= {f"points_{name}": getattr(state.points, name) for name in _POINT_FIELDS}
+    arrays |= {f"clutter_{name}": getattr(state.clutter, name) for name in _CLUTTER_FIELDS}
     arrays["deleted_track_id"] = state.deleted_track_id
     described = [[name, values.dtype.str, values.shape] for name, values in arrays.items()]
     # Integers of numpy would be refused by JSON.
@@ -118,6 +121,7 @@ def _rest(manager: TrackManager) -> dict[str, Any]:
         "frame": state.table.frame,
         "class_names": state.table.class_names,
         "last_sensors": state.last_sensors,
+        "clutter_sensors": state.clutter.sensor_ids,
         "last_key": None if state.last_key is None else state.last_key[1:],
         "last_report": report,
         "initialised_from": origin,
@@ -157,6 +161,10 @@ def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> M
             **table, frame=tuple(rest["frame"]), class_names=tuple(rest["class_names"])
         ),
         points=StartPoints(**{name: arrays[f"points_{name}"] for name in _POINT_FIELDS}),
+        clutter=ClutterMap(
+            tuple(rest["clutter_sensors"]),
+            **{name: arrays[f"clutter_{name}"] for name in _CLUTTER_FIELDS},
+        ),
         last_sensors=tuple(rest["last_sensors"]),
         last_key=key,
         last_report=report,

@@ -14,8 +14,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gda_tracker.kinematics.sensor_models import PolarMeasurements, predicted_measurements
-from gda_tracker.vocabulary.arrays import FloatArray, IntArray, empty_floats
+from gda_tracker.kinematics.sensor_models import (
+    PolarMeasurements,
+    polar_measurements,
+    predicted_measurements,
+)
+from gda_tracker.tracking.parameters import GIVEN, TrackManagerParameters
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray, empty_floats
+from gda_tracker.vocabulary.scans import Scan
+from gda_tracker.vocabulary.tracks import CONFIRMED
 
 RANGE_CELLS, AZIMUTH_CELLS = 16, 12
 # What the given density counts for, in scans: before the first, and at least.
@@ -130,20 +137,47 @@ def densities(
     return found
 
 
-def densities_at_states(
-    clutter: ClutterMap,
-    sensor_id: str,
-    measurements: PolarMeasurements,
-    mean: FloatArray,
-    given_density: float,
-    memory_scans: float,
+def densities_of_hypotheses(
+    clutter: ClutterMap, scan: Scan, mean: FloatArray, parameters: TrackManagerParameters
 ) -> FloatArray:
-    """Clutter density (H,) [1/(m rad)] where states (H, s) appear to the sensor of a scan."""
+    """Clutter density (H,) [1/(m rad)] where predicted states (H, s) appear to a scan's sensor."""
+    given = parameters.clutter_density_per_m_rad
+    if parameters.clutter_density == GIVEN:
+        return np.full(len(mean), given)
     seen = predicted_measurements(
-        mean[:, :2], np.zeros((len(mean), 2, 2)), measurements.sensor_xy_m
+        mean[:, :2], np.zeros((len(mean), 2, 2)), scan.sensor_position_m[:2]
     )
     return densities(
-        clutter, sensor_id, seen.range_m, seen.azimuth_rad, given_density, memory_scans
+        clutter,
+        scan.key.sensor_id,
+        seen.range_m,
+        seen.azimuth_rad,
+        given,
+        parameters.clutter_memory_scans,
+    )
+
+
+def clutter_after(
+    clutter: ClutterMap,
+    scan: Scan,
+    status: IntArray,
+    assigned: Int32Array,
+    parameters: TrackManagerParameters,
+) -> ClutterMap:
+    """Return the map after a scan; ``assigned`` (H,) are the rows that hypotheses were given.
+
+    ``status`` (H,) is that of the same hypotheses after the scan.
+    """
+    if parameters.clutter_density == GIVEN:
+        return clutter
+    free = np.ones(len(scan), dtype=bool)
+    free[assigned[(status == CONFIRMED) & (assigned >= 0)]] = False
+    return observe(
+        clutter,
+        scan.key.sensor_id,
+        polar_measurements(scan),
+        np.flatnonzero(free),
+        parameters.clutter_memory_scans,
     )
 
 

@@ -171,7 +171,10 @@ def followed_increments(
 
 
 def scan_increments(
-    predictions: Predictions, scores: AttributeScores | None, associations: Associations
+    predictions: Predictions,
+    scores: AttributeScores | None,
+    associations: Associations,
+    clutter_density: FloatArray,
 ) -> FloatArray:
     """What an associated scan adds to the log ratio of each hypothesis (H,).
 
@@ -182,8 +185,10 @@ def scan_increments(
     ----------
     predictions, scores, associations
         Of the same scan. Without scores, or if they were given up, kinematics alone speak.
+    clutter_density
+        (H,) rho_F around each hypothesis [1/(m rad)].
     """
-    decided, settings = associations, predictions.settings
+    decided = associations
     rows, columns = decided.hypothesis, decided.detection
     owner = np.full(int(columns.max(initial=-1)) + 1, -1, dtype=np.int64)
     served = np.flatnonzero(decided.assigned_detection >= 0)
@@ -197,10 +202,10 @@ def scan_increments(
         clutter = scores.clutter_log_likelihood[columns[own]]
     return summed_increments(
         predictions.detection_probability,
-        settings.gate_probability,
+        predictions.settings.gate_probability,
         rows[own],
         pair_log_ratios(
-            decided.kinematic_log_likelihood[own], settings.clutter_density, attribute, clutter
+            decided.kinematic_log_likelihood[own], clutter_density[rows[own]], attribute, clutter
         ),
     )
 

@@ -8,7 +8,7 @@ from gda_tracker.tracking.extraction import decide, scan_increments, sequential_
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.lifecycle import confirmed, ended
 from gda_tracker.tracking.parameters import M_OF_N, SEQUENTIAL, TrackManagerParameters
-from gda_tracker.vocabulary.arrays import BoolArray
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 from gda_tracker.vocabulary.beliefs import AttributeScores
 from gda_tracker.vocabulary.hypotheses import Associations, Predictions
 from gda_tracker.vocabulary.tracks import CONFIRMED
@@ -19,6 +19,7 @@ Rule = Callable[
         Predictions,
         AttributeScores | None,
         Associations,
+        FloatArray,
         TrackManagerParameters,
     ],
     BoolArray,
@@ -30,6 +31,7 @@ def judge(
     predictions: Predictions,
     scores: AttributeScores | None,
     associations: Associations,
+    clutter_density: FloatArray,
     parameters: TrackManagerParameters,
 ) -> BoolArray:
     """Confirm tracks in ``table``, whose hits and misses are those after the scan.
@@ -40,6 +42,8 @@ def judge(
         (H,) hypotheses; status and log likelihood ratio are replaced.
     predictions, scores, associations
         Of the scan, for the same hypotheses.
+    clutter_density
+        (H,) around each hypothesis [1/(m rad)].
     parameters
         Of the track manager.
 
@@ -48,7 +52,8 @@ def judge(
     (H,) array
         Which tracks end.
     """
-    return _RULES[parameters.extraction](table, predictions, scores, associations, parameters)
+    rule = _RULES[parameters.extraction]
+    return rule(table, predictions, scores, associations, clutter_density, parameters)
 
 
 def _m_of_n(
@@ -56,6 +61,7 @@ def _m_of_n(
     predictions: Predictions,
     scores: AttributeScores | None,
     associations: Associations,
+    clutter_density: FloatArray,
     parameters: TrackManagerParameters,
 ) -> BoolArray:
     p = parameters
@@ -77,13 +83,15 @@ def _sequential(
     predictions: Predictions,
     scores: AttributeScores | None,
     associations: Associations,
+    clutter_density: FloatArray,
     parameters: TrackManagerParameters,
 ) -> BoolArray:
     test = sequential_test(parameters.false_track_probability, parameters.missed_track_probability)
     table.status, table.log_likelihood_ratio, gone = decide(
         table.status,
         table.track_id,
-        table.log_likelihood_ratio + scan_increments(predictions, scores, associations),
+        table.log_likelihood_ratio
+        + scan_increments(predictions, scores, associations, clutter_density),
         test,
     )
     if parameters.deletion_misses == 0:

@@ -24,6 +24,7 @@ from gda_tracker.tracking.births import (
     new_tracks,
     unassigned_detections,
 )
+from gda_tracker.tracking.clutter import clutter_after, densities_of_hypotheses
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
 from gda_tracker.tracking.history_window import remember, with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
@@ -225,15 +226,17 @@ class TrackManager:
             ended_ids, started, dt_s = table.track_id, True, 0.0
             table = table.select(np.zeros(len(table), dtype=bool))
         table = with_window(predict_states(table, dt_s, p), p.window_rows)
+        density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
         self.opened = OpenScan(
             scan,
-            predictions_of(scan.key, table, p),
+            predictions_of(scan.key, table, p, density),
             table,
             ended_ids,
             started,
             waiting.admitted_at,
             waiting.received,
             waiting.counts,
+            density,
         )
         return self.opened
 
@@ -291,7 +294,8 @@ class TrackManager:
         table.last_detection_ns = np.where(hit, stamp_ns, table.last_detection_ns)
         source = np.append(opened.scan.source_index, -1).astype(np.int64)
         table.detection_index = source[assigned]
-        gone = judge(table, opened.predictions, scores, associations, p)
+        gone = judge(table, opened.predictions, scores, associations, opened.clutter_density, p)
+        clutter = clutter_after(self.state.clutter, opened.scan, table.status, assigned, p)
         deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
         if gone.any():
             table = table.select(~gone)
@@ -301,6 +305,7 @@ class TrackManager:
                 opened.scan, associations, opened.table.status, p.initiation_outside_gates
             )
             table, points = self._begin_tracks(opened.scan, table, points, unassigned, evidence)
+        self.state.clutter = clutter
         outcome = "degraded" if associations.degraded else "tracked"
         return self._finish(opened, table, points, deleted, outcome)
 

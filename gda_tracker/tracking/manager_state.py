@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
-from gda_tracker.vocabulary.arrays import IntArray
+from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.hypotheses import Predictions
 from gda_tracker.vocabulary.scans import Scan, ScanKey, ScanReport
 
@@ -26,6 +27,7 @@ class OpenScan:
     admitted_at: float
     received: int
     rejected: Counter[str]
+    clutter_density: FloatArray
 
 
 @dataclass(slots=True)
@@ -44,3 +46,4 @@ class ManagerState:
     degraded: bool = False
     initialised_from: tuple[bytes, int] | None = None
     scans_closed: int = 0
+    clutter: ClutterMap = field(default_factory=ClutterMap)

@@ -13,6 +13,8 @@ from gda_tracker.tracking.lifecycle import LONGEST_WINDOW
 from gda_tracker.vocabulary.hypotheses import HISTORY_POLICIES
 
 M_OF_N, SEQUENTIAL = "m_of_n", "sequential"
+GIVEN, ESTIMATED = "given", "estimated"
+CLUTTER_DENSITIES = (GIVEN, ESTIMATED)
 EXTRACTIONS = (M_OF_N, SEQUENTIAL)
 INITIATIONS = ("automatic", "labelled")
 # The number of a model travels in one byte; more than a few gain nothing.
@@ -84,6 +86,18 @@ class TrackManagerParameters:
         "detections per scan, metre of range and radian of azimuth that belong to no track",
         unit="1/(m rad)",
         minimum=0.0,
+    )
+    clutter_density: str = parameter(
+        GIVEN,
+        "given: clutter_density_per_m_rad everywhere; estimated: by region of range and azimuth, "
+        "from detections without a confirmed track, beginning with it",
+        choices=CLUTTER_DENSITIES,
+    )
+    clutter_memory_scans: float = parameter(
+        50.0,
+        "estimated: scans after which a detection has faded to 1/e",
+        minimum=2.0,
+        advanced=True,
     )
     extraction: str = parameter(
         M_OF_N,

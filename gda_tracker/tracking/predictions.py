@@ -7,16 +7,23 @@ from functools import lru_cache
 import numpy as np
 
 from gda_tracker.tracking.hypotheses import HypothesisTable
-from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.parameters import GIVEN, TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.hypotheses import AssociationSettings, Predictions
 from gda_tracker.vocabulary.scans import ScanKey
 
 
 def predictions_of(
-    key: ScanKey, table: HypothesisTable, parameters: TrackManagerParameters
+    key: ScanKey,
+    table: HypothesisTable,
+    parameters: TrackManagerParameters,
+    clutter_density: FloatArray,
 ) -> Predictions:
-    """Return the predictions of a table that stands at the time of the scan, with the settings."""
+    """Return the predictions of a table that stands at the time of the scan, with the settings.
+
+    ``clutter_density`` (H,) is that around each hypothesis. Association knows one for all: their
+    geometric mean.
+    """
     h, models = table.model_weight.shape
     if models:
         start, model = _components(h, models)
@@ -33,7 +40,7 @@ def predictions_of(
             attribute_term=parameters.attribute_term,
             missed_track_hypotheses=parameters.missed_track_hypotheses,
             gate_probability=parameters.gate_probability,
-            clutter_density=parameters.clutter_density_per_m_rad,
+            clutter_density=_common(clutter_density, parameters),
             history_policy=parameters.history_policy,
             forgetting_factor=parameters.share_kept,
         ),
@@ -56,6 +63,14 @@ def predictions_of(
         window_masses=table.window_masses,
         window_log_class_likelihood=table.window_log_class_likelihood,
     )
+
+
+def _common(density: FloatArray, parameters: TrackManagerParameters) -> float:
+    """One density for all hypotheses; exactly the one given where it is that of all."""
+    if parameters.clutter_density == GIVEN or not len(density):
+        return parameters.clutter_density_per_m_rad
+    with np.errstate(divide="ignore"):
+        return float(np.exp(np.log(density).mean()))
 
 
 @lru_cache(maxsize=256)

@@ -17,7 +17,6 @@ from gda_tracker.tracking.clutter import (
     RANGE_CELLS,
     ClutterMap,
     densities,
-    densities_at_states,
     observe,
 )
 
@@ -25,11 +24,11 @@ GIVEN = 1e-4
 MEMORY = 50.0
 
 
-def measured(range_m, azimuth_rad, sensor=(0.0, 0.0)):
+def measured(range_m, azimuth_rad):
     range_m = np.asarray(range_m, dtype=float)
     n = len(range_m)
     return PolarMeasurements(
-        range_m, np.asarray(azimuth_rad, dtype=float), np.zeros((n, 2, 2)), np.array(sensor), None
+        range_m, np.asarray(azimuth_rad, dtype=float), np.zeros((n, 2, 2)), np.zeros(2), None
     )
 
 
@@ -152,13 +151,3 @@ def test_a_growing_grid_loses_no_detection(ranges, seed):
     first = watched([([max(ranges)], [0.0])], memory=1e12)
     whole = watched([([r], [a]) for r, a in zip(ranges, azimuth, strict=True)], first, memory=1e12)
     np.testing.assert_allclose(step_by_step.count[0], whole.count[0] - first.count[0], atol=1e-9)
-
-
-def test_states_are_looked_up_where_the_sensor_sees_them():
-    sensor = (1000.0, -500.0)
-    clutter = watched([([700.0, 700.0, 1500.0], [0.1, 0.2, 2.0])])
-    points = measured([700.0], [0.1], sensor)
-    mean = np.array([[1000.0 + 690.0, -500.0 + 60.0, 0.0, 0.0], [1000.0, -500.0 - 690.0, 0.0, 0.0]])
-    found = densities_at_states(clutter, "radar", points, mean, GIVEN, MEMORY)
-    np.testing.assert_array_equal(found, at(clutter, [692.6, 690.0], [0.087, -math.pi / 2.0]))
-    assert found[0] > found[1]

@@ -146,9 +146,12 @@ def test_branches_are_judged_together():
     np.testing.assert_allclose(np.exp(held), [12.0, 0.04, 8.0, 0.05])
 
 
-def scan_of(assigned, pairs, density=0.01, track_id=(1, 2, 3)):
+DENSITY = np.full(3, 0.01)
+
+
+def scan_of(assigned, pairs, track_id=(1, 2, 3)):
     """Predictions and associations of three tracks; ``pairs`` are (hypothesis, detection, g)."""
-    settings = SimpleNamespace(gate_probability=P_G, clutter_density=density)
+    settings = SimpleNamespace(gate_probability=P_G)
     predictions = SimpleNamespace(
         track_id=np.array(track_id),
         detection_probability=np.full(3, P_D),
@@ -167,12 +170,15 @@ def scan_of(assigned, pairs, density=0.01, track_id=(1, 2, 3)):
 def test_a_detection_of_another_track_does_not_speak():
     pairs = [(0, 0, 0.5), (0, 1, 0.2), (1, 0, 0.4), (1, 2, 0.1), (2, 2, 0.3)]
     predictions, associations = scan_of([0, -1, 2], pairs)
-    found = np.exp(scan_increments(predictions, None, associations))
+    found = np.exp(scan_increments(predictions, None, associations, DENSITY))
     # Track 1: its own detection 0 and the free one 1. Track 2: both taken by others.
     np.testing.assert_allclose(found, [0.28 + 0.8 * 70.0, 0.28, 0.28 + 0.8 * 30.0])
+    # Twice the clutter around track 1 makes its detections half as good.
+    dense = np.exp(scan_increments(predictions, None, associations, DENSITY * [2.0, 1.0, 1.0]))
+    np.testing.assert_allclose(dense, [0.28 + 0.8 * 35.0, 0.28, 0.28 + 0.8 * 30.0])
     # Branches of one track do not take from each other.
     predictions, associations = scan_of([0, -1, 2], pairs, track_id=(1, 1, 3))
-    found = np.exp(scan_increments(predictions, None, associations))
+    found = np.exp(scan_increments(predictions, None, associations, DENSITY))
     np.testing.assert_allclose(found, [0.28 + 0.8 * 70.0, 0.28 + 0.8 * 40.0, 0.28 + 0.8 * 30.0])
 
 
@@ -181,13 +187,13 @@ def test_attributes_speak_as_far_as_they_were_asked():
     scores = SimpleNamespace(
         log_likelihood=np.log([0.2, 0.6]), clutter_log_likelihood=np.log([0.3, 0.1])
     )
-    found = np.exp(scan_increments(predictions, scores, associations))
+    found = np.exp(scan_increments(predictions, scores, associations, DENSITY))
     np.testing.assert_allclose(found, [0.28 + 0.8 * 50.0 * 2.0, 0.28, 0.28])
     associations.degraded = True
-    alone = np.exp(scan_increments(predictions, scores, associations))
+    alone = np.exp(scan_increments(predictions, scores, associations, DENSITY))
     np.testing.assert_allclose(alone, [0.28 + 0.8 * 50.0, 0.28, 0.28])
     associations.degraded, associations.assigned_detection = False, np.full(3, -1)
-    found = np.exp(scan_increments(predictions, scores, associations))
+    found = np.exp(scan_increments(predictions, scores, associations, DENSITY))
     np.testing.assert_allclose(found[1], 0.28 + 0.8 * 40.0 * 2.0)
 
 

@@ -52,7 +52,9 @@ def test_the_ratio_of_a_track_follows_the_scans():
         result = ring.process(scan_at(k, [moving(k)] if visible == "1" else []))
         table = ring.manager.state.table
         if expected is not None and len(result.predictions):
-            step = scan_increments(result.predictions, result.scores, result.associations)
+            step = scan_increments(
+                result.predictions, result.scores, result.associations, np.array([1e-4])
+            )
             if visible == "0":
                 assert step[0] == pytest.approx(math.log(1.0 - 0.9 * 0.99))
             expected = min(expected + step[0], test.log_accept)
