@@ -53,7 +53,8 @@ def decide_again(entry):
     chosen = set()
     for pairs, tracks, detections in clusters_of(entry):
         n, m = len(tracks), len(detections)
-        if entry["decision"] == "map":
+        by_ratio = entry["decision"] in ("map", "jpda")
+        if by_ratio:
             # Ratios against a miss and a false alarm add up; a track may stay alone for nothing.
             value = np.hstack([np.full((n, m), -1e9), np.zeros((n, n))])
         else:
@@ -61,14 +62,17 @@ def decide_again(entry):
             value = np.hstack([np.full((n, m), -1e9), np.full((n, n), -2.0 * n)])
         for pair in pairs:
             row, column = tracks.index(pair["hypothesis_id"]), detections.index(pair["detection"])
-            value[row, column] = terms_of(pair)[entry["decided_by"]]["value"]
+            term = "log_likelihood_ratio" if by_ratio else "p_generalised"
+            value[row, column] = terms_of(pair)[term]["value"]
         for row, column in zip(*linear_sum_assignment(value, maximize=True), strict=True):
             if column < m:
                 chosen.add((tracks[row], detections[column]))
     return chosen
 
 
-@pytest.mark.parametrize("method", ["map/none/cv", "map/bayes/cv", "gda/dsm_classic/cv"])
+@pytest.mark.parametrize(
+    "method", ["map/none/cv", "map/bayes/cv", "gda/dsm_classic/cv", "jpda/bayes/cv"]
+)
 def test_the_decision_can_be_made_again_from_the_log(method):
     together = 0
     for run in range(3):
