@@ -30,6 +30,8 @@ scans, and prints how often each track got the detection of its own target.
 A method is decision/attribute/filter:
   decision   gda  the 2004 chapter: 1 - P_k P_a and Munkres
              map  the most probable joint hypothesis
+             jpda all detections in the gate, each as far as it is probable;
+                  scored by the most probable joint hypothesis
   attribute  none         kinematics alone
              dsm_classic, dsm_hybrid, dempster, yager, dubois_prade, pcr5, pcr6
                           masses on the radar cross section (RCS), by that rule

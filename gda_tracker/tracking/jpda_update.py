@@ -125,11 +125,8 @@ def _mixed(
     mixed = prior_share[..., None] * (prior_covariance + centre[..., None] * centre[..., None, :])
     each = covariance + spread[..., None] * spread[..., None, :]
     mixed += _sums(share[..., None] * each, row, len(total))
-    return (
-        total / total.sum(axis=1, keepdims=True),
-        prior_mean + centre,
-        0.5 * (mixed + np.swapaxes(mixed, -1, -2)),
-    )
+    symmetric = np.ascontiguousarray(0.5 * (mixed + np.swapaxes(mixed, -1, -2)))
+    return total / total.sum(axis=1, keepdims=True), prior_mean + centre, symmetric
 
 
 def update_beliefs_by_marginals(

@@ -28,8 +28,9 @@ class TrackManagerParameters:
 
     decision: str = parameter(
         "map",
-        "how detections are assigned: map (most probable joint hypothesis) or gda (2004 chapter: "
-        "1 - P_k P_a and Munkres)",
+        "how detections are assigned: map (most probable joint hypothesis), gda (2004 chapter: "
+        "1 - P_k P_a and Munkres) or jpda (every track takes all detections in its gate, each as "
+        "far as it is probable; see coalescence_remedy)",
         choices=DECISIONS,
     )
     attribute_term: str = parameter(

@@ -504,8 +504,8 @@ def test_scores_of_another_term_or_size_are_refused(make_stage_input):
 
 
 def test_unknown_decision_is_refused(make_stage_input):
-    with pytest.raises(AssociationInputError, match="'nearest'.*gda, map"):
-        associate(*make_stage_input([[-9.0]], decision="nearest"))
+    with pytest.raises(AssociationInputError, match="'best'.*gda, map, jpda"):
+        associate(*make_stage_input([[-9.0]], decision="best"))
 
 
 def test_the_same_input_gives_the_same_bits(make_stage_input):
@@ -557,6 +557,7 @@ def test_a_hundred_tracks(make_stage_input):
 def test_parameters_are_declared():
     assert set(specifications(AssociationParameters)) == {
         "max_exact_size",
+        "coalescence_remedy",
         "belief_propagation_iterations",
         "belief_propagation_tolerance",
     }

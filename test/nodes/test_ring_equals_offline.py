@@ -30,6 +30,7 @@ METHODS = (
     "gda/pcr5/cv",
     "map/bayes/cv",
     "map/bayes/imm",
+    "jpda/bayes/cv",
 )
 
 
@@ -76,6 +77,16 @@ def test_forgetting_and_a_window_in_processes(environment):
     parameters["track_manager"] |= {"history_policy": "forgetting", "forgetting_factor": 0.8}
     played = play_in_processes(plays, parameters, environment)
     assert differences(played.tracks, offline(plays, parameters)) == []
+
+
+def test_jpda_with_a_coalescence_remedy_and_interacting_models(environment):
+    plays, parameters = scenario_plays("closely_spaced_targets", "jpda/dsm_classic/imm")
+    plain = offline(plays, parameters)
+    parameters["association"] = {"coalescence_remedy": "jpda_star"}
+    expected = offline(plays, parameters)
+    assert differences(plain, expected) != []
+    played = play_in_processes(plays, parameters, environment)
+    assert differences(played.tracks, expected) == []
 
 
 def test_automatic_initiation(environment):
