@@ -22,6 +22,7 @@ from gda_tracker.association.generalised import (
     joint_weights,
     kinematic_weights,
 )
+from gda_tracker.association.hypothesis_scores import score_hypotheses
 from gda_tracker.association.joint import MAX_ELEMENTS
 from gda_tracker.kinematics.gating import GatedPairs
 from gda_tracker.parameters import parameter
@@ -126,8 +127,10 @@ class Associator:
         the kinematics alone; with one that has a likelihood only, P_k is of the joint likelihood
         and P_a = 1. Decision ``map``: the most probable joint hypothesis under the joint
         likelihood. Decision ``jpda``: the same is chosen, and ``joint_marginal`` follows the
-        coalescence remedy. Without scores kinematics alone decide, the result is marked degraded
-        and its attribute term is ``none``. (Tchamova et al. 2004, 14.4)
+        coalescence remedy. Decision ``mht``: nothing is chosen, each hypothesis is scored alone
+        (:mod:`gda_tracker.association.hypothesis_scores`). Without scores kinematics alone decide,
+        the result is marked degraded and its attribute term is ``none``. (Tchamova et al. 2004,
+        14.4)
 
         Parameters
         ----------
@@ -158,6 +161,8 @@ class Associator:
         if scores is not None:
             _check_scores(scores, pairs, settings.attribute_term, len(scan))
 
+        if settings.decision == "mht":
+            return score_hypotheses(scan, predictions, scores, pairs)
         known = groundwork or self.lay_groundwork(scan, predictions, pairs)
         gated, clusters, kinematic = known.gated, known.clusters, known.kinematic
         joint = kinematic

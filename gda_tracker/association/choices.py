@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 JPDA = "jpda"
-DECISIONS = ("gda", "map", JPDA)
+DECISIONS = ("gda", "map", JPDA, "mht")
 """``gda``: minimal sum of 1 - P_k P_a (14.4); ``map``: most probable joint hypothesis; ``jpda``:
-every detection as far as it is probable, hits and misses by the most probable joint hypothesis.
+every detection as far as it is probable, hits and misses by the most probable joint hypothesis;
+``mht``: the track manager branches, over several scans.
 """
 
 COALESCENCE_REMEDIES = ("none", "jpda_star")
@@ -24,6 +25,8 @@ SUBSET_DYNAMIC_PROGRAMMING = "subset_dynamic_programming"
 FRONTIER_DYNAMIC_PROGRAMMING = "frontier_dynamic_programming"
 LOOPY_BELIEF_PROPAGATION = "loopy_belief_propagation"
 BEST_PERMUTATIONS = "best_permutations"
+EACH_HYPOTHESIS_ALONE = "each_hypothesis_alone"
+"""Engine of ``mht``: pairs are scored, the track manager decides over several scans."""
 ENGINES = (
     SUBSET_DYNAMIC_PROGRAMMING,
     FRONTIER_DYNAMIC_PROGRAMMING,

@@ -23,7 +23,8 @@ class MethodResult:
 
     ``score`` (runs,) is what the methods are compared by: the purity of a run averaged over tracks,
     or with automatic initiation its completeness. ``difference_mean`` and ``difference_stderr`` are
-    those of ``score`` minus the score of the first method in the same run.
+    those of ``score`` minus the score of the first method in the same run. ``delayed`` (runs,) is
+    the purity with the revised past, for methods that revise it.
     """
 
     method: str
@@ -36,6 +37,7 @@ class MethodResult:
     purity_per_track: FloatArray | None = None
     confusion: FloatArray | None = None
     quality: QualityResult | None = None
+    delayed: FloatArray | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of ``methods`` in the JSON; a number that does not exist is ``None``."""
@@ -59,6 +61,10 @@ class MethodResult:
             entry["confusion"] = self.confusion.tolist()
             entry["missed"] = float(self.confusion[:, -2].mean())
             entry["false_alarm"] = float(self.confusion[:, -1].mean())
+        if self.delayed is not None:
+            entry["purity_delayed_mean"], entry["purity_delayed_stderr"] = mean_and_stderr(
+                self.delayed
+            )
         return {name: _finite_or_none(value) for name, value in entry.items()}
 
 
@@ -118,7 +124,10 @@ def combine(
 def _method_result(method: str, runs: list[RunScore], first: MethodResult | None) -> MethodResult:
     tables = [run.counts for run in runs if run.counts is not None]
     quality = None
-    shares = per_track = None
+    shares = per_track = delayed = None
+    revised = [run.delayed_counts for run in runs if run.delayed_counts is not None]
+    if revised:
+        delayed = purity(np.stack(revised)).mean(axis=1)
     if tables:
         counts = np.stack(tables)
         score = purity(counts).mean(axis=1)
@@ -142,6 +151,7 @@ def _method_result(method: str, runs: list[RunScore], first: MethodResult | None
         purity_per_track=per_track,
         confusion=shares,
         quality=quality,
+        delayed=delayed,
     )
 
 

@@ -37,14 +37,16 @@ class RunScore:
 
     With labelled initiation ``counts`` is the (T, T + 2) table of
     :func:`~gda_tracker.evaluation.purity.confusion_counts`, with automatic initiation
-    ``quality`` is set. ``cpu_s`` is the processor time of the tracker alone over ``n_scans``
-    scans.
+    ``quality`` is set. ``delayed_counts`` is the table of the tracks with their revised past,
+    for methods that revise it. ``cpu_s`` is the processor time of the tracker alone over
+    ``n_scans`` scans.
     """
 
     counts: IntArray | None
     quality: Quality | None
     cpu_s: float
     n_scans: int
+    delayed_counts: IntArray | None = None
 
 
 def method_parameters(
@@ -138,8 +140,12 @@ class Contestant:
         ring.initialise(labelled_tracks(recording, skip, ring, prepared[0]))
         results, cpu_s = _track(ring, recording, skip, prepared)
         tracks = [result.tracks for result in results if result.tracks is not None]
-        counts = confusion_counts(tracks, recording.truth[skip:], self._track_ids, self._target_ids)
-        return RunScore(counts, None, cpu_s, len(tracks))
+        truth, ids = recording.truth[skip:], (self._track_ids, self._target_ids)
+        counts = confusion_counts(tracks, truth, *ids)
+        delayed = [told for result in results for told in result.delayed]
+        delayed += ring.rest_of_delayed()
+        revised = confusion_counts(delayed, truth, *ids) if delayed else None
+        return RunScore(counts, None, cpu_s, len(tracks), delayed_counts=revised)
 
     def _new_ring(self, recording: Recording) -> Ring:
         ring = copy(self._ring)
@@ -188,6 +194,8 @@ def _track(
     ring: Ring, recording: Recording, skip: int, prepared: tuple[list[Prepared], float]
 ) -> tuple[list[RingResult], float]:
     """Take scans round the ring, but the first ``skip``; what came of each, processor time.
+
+    The second list has the tracks with their revised past, if the method revises it.
 
     The time of the preparation counts in full, as if it had not been shared.
     """

@@ -9,6 +9,7 @@ from typing import Any
 
 from gda_tracker.evaluation.continuity import SETTLE_SCANS
 from gda_tracker.evaluation.results import MethodResult, ScenarioResult
+from gda_tracker.evaluation.statistics import mean_and_stderr
 from gda_tracker.simulation.scenarios import NOTES, Scenario
 
 PUBLISHED_PREFIX = "published_purity_"
@@ -73,6 +74,13 @@ def purity_table(result: ScenarioResult) -> list[list[str]]:
         mean = _number(sum(values) / len(values), 3)
         own = [_number(v, 3) for v in values]
         rows.append([f"published: {name}", mean, "", *own, *[""] * (len(ids) + 3 - len(own))])
+    revised = [method.delayed for method in result.methods]
+    if any(values is not None for values in revised):
+        # The purity with the revised past, beside that of the scan itself.
+        column = ["-" if v is None else _with_error(*mean_and_stderr(v), 3) for v in revised]
+        cells = ["delayed", "[0..1]", *column, *[""] * (len(rows) - 2 - len(column))]
+        for row, cell in zip(rows, cells, strict=True):
+            row.insert(2, cell)
     return rows
 
 

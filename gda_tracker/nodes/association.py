@@ -49,6 +49,8 @@ class AssociationNode(GatingNode):
 
     def after_gating(self, entry: Inputs) -> None:
         """Find the clusters and weigh the kinematics while the attribute scores are on the way."""
+        if entry["predictions"].settings.decision == "mht":
+            return  # no clusters
         pairs = self.pairs(entry)
         entry["groundwork"] = (
             pairs,

@@ -29,6 +29,7 @@ TOPICS: dict[str, tuple[type, QoSProfile]] = {
     "attribute_scores": (msg.AttributeScores, latched(100)),
     "associations": (msg.Associations, latched(100)),
     "tracks": (msg.TrackArray, stream(1000)),
+    "tracks_delayed": (msg.TrackArray, stream(1000)),
     "scan_reports": (msg.ScanReport, stream(1000)),
     "/diagnostics": (DiagnosticArray, stream(100)),
 }

@@ -40,7 +40,10 @@ WATCHDOG_PERIOD_S = 0.25
 
 
 class TrackManagerNode(RingNode):
-    """``detections`` and the stages' answers in, ``scans``, ``predictions``, ``tracks`` out."""
+    """``detections`` and the stages' answers in, ``scans``, ``predictions``, ``tracks`` out.
+
+    Under ``mht`` also ``tracks_delayed``: the tracks of N scans ago with their revised past.
+    """
 
     def __init__(self, parameters: Mapping[str, Any] | None = None, **options: Any) -> None:
         super().__init__("track_manager", TrackManagerParameters, parameters, **options)
@@ -56,7 +59,8 @@ class TrackManagerNode(RingNode):
                 raise ParameterError(f"parameter checkpoint_path: {error}") from error
             if found:
                 self.get_logger().info(
-                    f"restored {len(self.manager.state.table)} tracks from {self._checkpoint}"
+                    f"restored {self.manager.state.table.chosen.sum()} tracks from "
+                    f"{self._checkpoint}"
                 )
         self.counters = self.manager.counters
         self._answers: dict[str, Any] = {}
@@ -79,6 +83,7 @@ class TrackManagerNode(RingNode):
         self._scans = self.advertise(msg.Scan, "scans", latched())
         self._predictions = self.advertise(msg.Predictions, "predictions", latched())
         self._tracks = self.advertise(msg.TrackArray, "tracks", stream())
+        self._delayed = self.advertise(msg.TrackArray, "tracks_delayed", stream())
         self._reports = self.advertise(msg.ScanReport, "scan_reports", stream())
         for topic, message, read in (
             ("evidence", msg.Evidence, evidence_from_message),
@@ -158,6 +163,7 @@ class TrackManagerNode(RingNode):
         report = self.manager.initialise(initial)
         if report.outcome == "initialised" and not report.repeated:
             self._forget_open()
+            self._publish_delayed()
             self._save()
         self._report(report)
         self._advance()
@@ -221,11 +227,17 @@ class TrackManagerNode(RingNode):
         message = tracks_to_cdr(tracks)
         retries = self._retries
         self._forget_open()
+        self._publish_delayed()
         self._save()
         self._tracks.publish(message)
         self._latency_s = self.seconds() - admitted_at
         self._report(replace(report, latency_s=self._latency_s, retries=retries))
         self._advance()
+
+    def _publish_delayed(self) -> None:
+        """Publish what the scan has made final; before the checkpoint, since it is told once."""
+        for tracks in self.manager.delayed:
+            self._delayed.publish(tracks_to_cdr(tracks))
 
     def _forget_open(self) -> None:
         self._open_messages = None
@@ -305,7 +317,8 @@ class TrackManagerNode(RingNode):
         """Key figures of the tracker."""
         state = self.manager.state
         return {
-            "tracks": len(state.table),
+            "tracks": int(state.table.chosen.sum()),
+            "hypotheses": len(state.table),
             "scans_closed": state.scans_closed,
             "queue_length": self.manager.waiting,
             "latency_ms": round(1e3 * self._latency_s, 3),

@@ -34,9 +34,15 @@ def unassigned_detections(
 
 
 def new_tracks(
-    points: StartPoints, scan: Scan, unassigned: IntArray, parameters: TrackManagerParameters
+    points: StartPoints,
+    scan: Scan,
+    unassigned: IntArray,
+    first_number: int,
+    parameters: TrackManagerParameters,
 ) -> tuple[NewTracks, StartPoints]:
     """Pair the unassigned detections with those of earlier scans.
+
+    ``first_number`` is the running number of the scan's first detection.
 
     Returns
     -------
@@ -52,6 +58,7 @@ def new_tracks(
         scan.key.stamp_ns,
         max_speed_mps=parameters.max_speed_mps,
         memory_scans=parameters.initiation_memory_scans,
+        first_number=first_number,
     )
     if len(new.detection):
         new.mean, new.covariance = bounded_speed(new.mean, new.covariance, parameters.max_speed_mps)

@@ -30,6 +30,7 @@ from gda_tracker.tracking.hypotheses import ROW_FIELDS, HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.manager_state import ManagerState
+from gda_tracker.tracking.mht.generations import Generation
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 
 MAGIC = b"gda_tracker checkpoint 3\n"
@@ -39,7 +40,14 @@ _TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal")
 _POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))
 _CLUTTER_FIELDS = ("extent_m", "exposure_scans", "count")
 # Fields of ManagerState that are written as they are.
-_PLAIN = ("next_track_id", "next_hypothesis_id", "last_ns", "degraded", "scans_closed")
+_PLAIN = (
+    "next_track_id",
+    "next_hypothesis_id",
+    "next_detection_number",
+    "last_ns",
+    "degraded",
+    "scans_closed",
+)
 
 
 class CheckpointError(ValueError):
@@ -55,10 +63,14 @@ def save(manager: TrackManager, path: Path) -> None:
         If the file cannot be written; what was there before is untouched.
     """
     state = manager.state
-    arrays = {f"table_{name}": getattr(state.table, name) for name in _TABLE_FIELDS}
+    arrays = _table_arrays("table", state.table)
     arrays |= {f"points_{name}": getattr(state.points, name) for name in _POINT_FIELDS}
     arrays |= {f"clutter_{name}": getattr(state.clutter, name) for name in _CLUTTER_FIELDS}
     arrays["deleted_track_id"] = state.deleted_track_id
+    for place, generation in enumerate(state.generations):
+        arrays |= _table_arrays(f"generation{place}", generation.table)
+        arrays[f"generation{place}_settled"] = generation.settled
+        arrays[f"generation{place}_deleted_track_id"] = generation.deleted_track_id
     described = [[name, values.dtype.str, values.shape] for name, values in arrays.items()]
     # Integers of numpy would be refused by JSON.
     header = json.dumps({"rest": _rest(manager), "arrays": described}, default=int).encode()
@@ -120,6 +132,15 @@ def _rest(manager: TrackManager) -> dict[str, Any]:
         "system_uuid": manager.system_uuid.hex(),
         "frame": state.table.frame,
         "class_names": state.table.class_names,
+        "generations": [
+            {
+                "key": generation.key[1:],
+                "degraded": generation.degraded,
+                "frame": generation.table.frame,
+                "class_names": generation.table.class_names,
+            }
+            for generation in state.generations
+        ],
         "last_sensors": state.last_sensors,
         "clutter_sensors": state.clutter.sensor_ids,
         "last_key": None if state.last_key is None else state.last_key[1:],
@@ -154,12 +175,19 @@ def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> M
     if rest["last_report"] is not None and key is not None:
         report = ScanReport(key=key, **rest["last_report"])
     origin = rest["initialised_from"]
-    table: dict[str, Any] = {name: arrays[f"table_{name}"] for name in _TABLE_FIELDS}
+    generations = [
+        Generation(
+            ScanKey(epoch, *known["key"]),
+            _table(f"generation{place}", arrays, known),
+            arrays[f"generation{place}_settled"],
+            arrays[f"generation{place}_deleted_track_id"],
+            known["degraded"],
+        )
+        for place, known in enumerate(rest["generations"])
+    ]
     return ManagerState(
         **{name: rest[name] for name in _PLAIN},
-        table=HypothesisTable(
-            **table, frame=tuple(rest["frame"]), class_names=tuple(rest["class_names"])
-        ),
+        table=_table("table", arrays, rest),
         points=StartPoints(**{name: arrays[f"points_{name}"] for name in _POINT_FIELDS}),
         clutter=ClutterMap(
             tuple(rest["clutter_sensors"]),
@@ -170,4 +198,17 @@ def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> M
         last_report=report,
         deleted_track_id=arrays["deleted_track_id"],
         initialised_from=None if origin is None else (bytes.fromhex(origin[0]), origin[1]),
+        generations=generations,
     )
+
+
+def _table_arrays(prefix: str, table: HypothesisTable) -> dict[str, np.ndarray]:
+    """Arrays of a table by their names in the file."""
+    return {f"{prefix}_{name}": getattr(table, name) for name in _TABLE_FIELDS}
+
+
+def _table(prefix: str, arrays: dict[str, np.ndarray], rest: dict[str, Any]) -> HypothesisTable:
+    """Table of the arrays with a prefix; ``rest`` has the names of frame and classes."""
+    columns: dict[str, Any] = {name: arrays[f"{prefix}_{name}"] for name in _TABLE_FIELDS}
+    frame, classes = tuple(rest["frame"]), tuple(rest["class_names"])
+    return HypothesisTable(**columns, frame=frame, class_names=classes)

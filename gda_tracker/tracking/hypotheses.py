@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gda_tracker.vocabulary.arrays import (
+    BoolArray,
     FloatArray,
     Int32Array,
     IntArray,
@@ -35,6 +36,11 @@ class HypothesisTable:
     With interacting multiple models ``mean`` and ``covariance`` are the moments of the mixture of
     M models ``model_weight`` (H, M), ``model_mean`` (H, M, s), ``model_covariance`` (H, M, s, s);
     with one motion model M is 0 and they are all there is.
+
+    Under ``mht`` a track has several rows, its leaves, one after the other: ``chosen`` (H,) marks
+    the one that speaks for it (else all do), ``log_score`` (H,) is the log likelihood ratio of the
+    leaf against false alarms, ``detection_numbers`` (H, W) the running numbers of the detections of
+    the last W scans, newest first, -1 for none (W = 0 under the other decisions).
     """
 
     hypothesis_id: IntArray = field(default_factory=_ints)
@@ -61,6 +67,9 @@ class HypothesisTable:
     window_kind: Int32Array = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int32))
     window_masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
     window_log_class_likelihood: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
+    chosen: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    log_score: FloatArray = field(default_factory=empty_floats)
+    detection_numbers: IntArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
     # Not per row:
     frame: tuple[str, ...] = ()
     focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
@@ -68,7 +77,7 @@ class HypothesisTable:
     window_focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
 
     def __post_init__(self) -> None:
-        """Give rows that were made without a window or without models empty ones."""
+        """Give rows that were made without a window, models or trees empty ones."""
         if not self.window_kind.size and len(self.window_kind) != len(self):
             self.clear_windows(0)
         if len(self.model_weight) != len(self) and not self.model_weight.size:
@@ -77,6 +86,13 @@ class HypothesisTable:
             self.model_weight = empty_floats(h, 0)
             self.model_mean = empty_floats(h, 0, s)
             self.model_covariance = empty_floats(h, 0, s, s)
+        count = len(self)
+        if len(self.chosen) != count:
+            self.chosen = np.ones(count, dtype=np.bool_)
+        if len(self.log_score) != count:
+            self.log_score = np.zeros(count)
+        if len(self.detection_numbers) != count:
+            self.detection_numbers = np.zeros((count, 0), dtype=np.int64)
 
     def __len__(self) -> int:
         return len(self.hypothesis_id)

@@ -74,13 +74,14 @@ class StartPoints:
     """Detections of the last scans that belong to no track yet.
 
     ``position`` (S, 2) [m], ``covariance`` (S, 2, 2) [m2], ``stamp_ns`` (S,), ``age_scans`` (S,)
-    scans since the detection.
+    scans since the detection, ``number`` (S,) running number of the detection.
     """
 
     position: FloatArray = field(default_factory=lambda: empty_floats(0, 2))
     covariance: FloatArray = field(default_factory=lambda: empty_floats(0, 2, 2))
     stamp_ns: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     age_scans: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    number: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __len__(self) -> int:
         return len(self.position)
@@ -88,7 +89,11 @@ class StartPoints:
     def select(self, rows: np.ndarray) -> StartPoints:
         """Return the start points of the given rows or mask."""
         return StartPoints(
-            self.position[rows], self.covariance[rows], self.stamp_ns[rows], self.age_scans[rows]
+            self.position[rows],
+            self.covariance[rows],
+            self.stamp_ns[rows],
+            self.age_scans[rows],
+            self.number[rows],
         )
 
 
@@ -97,7 +102,8 @@ class NewTracks:
     """Tracks that start on a scan: N states at its time and where they come from.
 
     ``detection`` (N,) is the row in the scan, ``first_stamp_ns`` (N,) the time of the earlier
-    detection, ``gap_scans`` (N,) the scans between the two detections plus one.
+    detection and ``first_number`` (N,) its running number, ``gap_scans`` (N,) the scans between the
+    two detections plus one.
     """
 
     mean: FloatArray = field(default_factory=lambda: empty_floats(0, 4))
@@ -105,6 +111,18 @@ class NewTracks:
     detection: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     first_stamp_ns: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     gap_scans: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    first_number: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def select(self, rows: np.ndarray | slice) -> NewTracks:
+        """Return the new tracks of the given rows."""
+        return NewTracks(
+            self.mean[rows],
+            self.covariance[rows],
+            self.detection[rows],
+            self.first_stamp_ns[rows],
+            self.gap_scans[rows],
+            self.first_number[rows],
+        )
 
 
 def start_tracks(
@@ -115,6 +133,7 @@ def start_tracks(
     *,
     max_speed_mps: float,
     memory_scans: int,
+    first_number: int = 0,
 ) -> tuple[NewTracks, StartPoints]:
     """Pair unassigned detections with earlier start points.
 
@@ -134,6 +153,8 @@ def start_tracks(
         Largest speed of a target [m/s].
     memory_scans
         Scans for which a start point waits for its second detection, counted from the next one.
+    first_number
+        Running number of the scan's first detection.
 
     Returns
     -------
@@ -146,7 +167,8 @@ def start_tracks(
     stamps = np.full(len(free), stamp_ns, dtype=np.int64)
     if offset is not None:
         stamps += np.round(offset * 1e9).astype(np.int64)
-    fresh = StartPoints(position, covariance, stamps, np.zeros(len(free), dtype=np.int64))
+    age = np.zeros(len(free), dtype=np.int64)
+    fresh = StartPoints(position, covariance, stamps, age, first_number + unassigned)
     older, newer, cost = _allowed_pairs(points, fresh, max_speed_mps)
     older, newer = _match(older, newer, cost)
 
@@ -165,6 +187,7 @@ def start_tracks(
         unassigned[newer],
         points.stamp_ns[older],
         points.age_scans[older] + 1,
+        points.number[older],
     )
     waiting = points.age_scans + 1 < memory_scans
     waiting[older] = False
@@ -178,6 +201,7 @@ def start_tracks(
         np.concatenate([kept.covariance, fresh.covariance]),
         np.concatenate([kept.stamp_ns, fresh.stamp_ns]),
         np.concatenate([kept.age_scans + 1, fresh.age_scans]),
+        np.concatenate([kept.number, fresh.number]),
     )
 
 

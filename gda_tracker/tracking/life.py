@@ -4,34 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gda_tracker.tracking.extraction import decide, scan_increments, sequential_test
+from gda_tracker.tracking.extraction import decide, sequential_test
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.lifecycle import confirmed, ended
 from gda_tracker.tracking.parameters import M_OF_N, SEQUENTIAL, TrackManagerParameters
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
-from gda_tracker.vocabulary.beliefs import AttributeScores
-from gda_tracker.vocabulary.hypotheses import Associations, Predictions
 from gda_tracker.vocabulary.tracks import CONFIRMED
 
-Rule = Callable[
-    [
-        HypothesisTable,
-        Predictions,
-        AttributeScores | None,
-        Associations,
-        FloatArray,
-        TrackManagerParameters,
-    ],
-    BoolArray,
-]
+Increments = Callable[[], FloatArray]
+Rule = Callable[[HypothesisTable, Increments, TrackManagerParameters], BoolArray]
 
 
 def judge(
     table: HypothesisTable,
-    predictions: Predictions,
-    scores: AttributeScores | None,
-    associations: Associations,
-    clutter_density: FloatArray,
+    increments: Increments,
     parameters: TrackManagerParameters,
 ) -> BoolArray:
     """Confirm tracks in ``table``, whose hits and misses are those after the scan.
@@ -40,10 +26,9 @@ def judge(
     ----------
     table
         (H,) hypotheses; status and log likelihood ratio are replaced.
-    predictions, scores, associations
-        Of the scan, for the same hypotheses.
-    clutter_density
-        (H,) around each hypothesis [1/(m rad)].
+    increments
+        Gives what the scan adds to the log likelihood ratio (H,), where the rule asks for it:
+        :func:`gda_tracker.tracking.extraction.scan_increments`.
     parameters
         Of the track manager.
 
@@ -52,16 +37,12 @@ def judge(
     (H,) array
         Which tracks end.
     """
-    rule = _RULES[parameters.extraction]
-    return rule(table, predictions, scores, associations, clutter_density, parameters)
+    return _RULES[parameters.extraction](table, increments, parameters)
 
 
 def _m_of_n(
     table: HypothesisTable,
-    predictions: Predictions,
-    scores: AttributeScores | None,
-    associations: Associations,
-    clutter_density: FloatArray,
+    increments: Increments,
     parameters: TrackManagerParameters,
 ) -> BoolArray:
     p = parameters
@@ -80,18 +61,14 @@ def _m_of_n(
 
 def _sequential(
     table: HypothesisTable,
-    predictions: Predictions,
-    scores: AttributeScores | None,
-    associations: Associations,
-    clutter_density: FloatArray,
+    increments: Increments,
     parameters: TrackManagerParameters,
 ) -> BoolArray:
     test = sequential_test(parameters.false_track_probability, parameters.missed_track_probability)
     table.status, table.log_likelihood_ratio, gone = decide(
         table.status,
         table.track_id,
-        table.log_likelihood_ratio
-        + scan_increments(predictions, scores, associations, clutter_density),
+        table.log_likelihood_ratio + increments(),
         test,
     )
     if parameters.deletion_misses == 0:

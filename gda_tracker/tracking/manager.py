@@ -26,6 +26,7 @@ from gda_tracker.tracking.births import (
 )
 from gda_tracker.tracking.clutter import clutter_after, densities_of_hypotheses
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
+from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.history_window import remember, with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initial_tracks import fault_of_initial_tracks, hypotheses_of_tracks
@@ -33,9 +34,19 @@ from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.jpda_update import update_by_marginals
 from gda_tracker.tracking.life import judge
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
+from gda_tracker.tracking.mht.delayed import pass_on, past_of, tell_all
+from gda_tracker.tracking.mht.generations import Generation, settle
+from gda_tracker.tracking.mht.growth import coast, grow
+from gda_tracker.tracking.mht.start import fit, start_numbers, start_scores
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.predictions import predictions_of
-from gda_tracker.tracking.state_update import predict_states, update_beliefs, update_states
+from gda_tracker.tracking.state_update import (
+    count_detections,
+    predict_states,
+    update_beliefs,
+    update_states,
+)
+from gda_tracker.tracking.track_output import tracks_of
 from gda_tracker.tracking.waiting_room import ReorderWindow, WaitingRoom
 from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
@@ -59,6 +70,8 @@ class TrackManager:
         self.state = ManagerState()
         self.opened: OpenScan | None = None
         self.counters: Counter[str] = Counter()
+        # Tracks of earlier scans whose past the last call has made final, oldest first.
+        self.delayed: list[Tracks] = []
         self._room = WaitingRoom()
         self._generation = 0
         self._next_parameters: TrackManagerParameters | None = None
@@ -175,10 +188,12 @@ class TrackManager:
             return replace(report, outcome="rejected", reason=reason, tracks_confirmed=0)
         self.opened = None
         self._apply_parameters()
+        self.delayed = tell_all(state, self._tell)
         self.state = ManagerState(
             table=hypotheses_of_tracks(initial, state.next_track_id, state.next_hypothesis_id),
             next_track_id=state.next_track_id + n,
             next_hypothesis_id=state.next_hypothesis_id + n,
+            next_detection_number=state.next_detection_number,
             last_ns=initial.key.stamp_ns,
             last_sensors=(initial.key.sensor_id,),
             initialised_from=identity,
@@ -223,8 +238,9 @@ class TrackManager:
             reason = "time_jump" if waiting.generation != self._generation else "gap"
             self.counters[f"reset_{reason}"] += 1
             self._generation = waiting.generation
-            ended_ids, started, dt_s = table.track_id, True, 0.0
+            ended_ids, started, dt_s = table.track_id[table.chosen], True, 0.0
             table = table.select(np.zeros(len(table), dtype=bool))
+        table = fit(table, p.mht_scans if p.decision == "mht" else 0)
         table = with_window(predict_states(table, dt_s, p), p.window_rows)
         density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
         self.opened = OpenScan(
@@ -265,9 +281,10 @@ class TrackManager:
         if opened.predictions.settings.attribute_term == "none":
             # The attribute was not asked: tracks carry no belief about it.
             evidence = scores = None
+        if opened.predictions.settings.decision == "mht":
+            return self._close_trees(opened, evidence, scores, associations)
         table = opened.table.copy()
         assigned = associations.assigned_detection
-        hit = assigned >= 0
         if evidence is not None:
             table.use_frame(evidence.frame, evidence.class_names)
         if associations.degraded:
@@ -285,37 +302,69 @@ class TrackManager:
             remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])
 
         p = self.parameters
-        table.history = ((table.history << 1) & np.int64((1 << 60) - 1)) | hit
-        table.age_scans = table.age_scans + 1
-        table.hits = table.hits + hit
-        table.misses = table.misses + ~hit
-        table.coasted_scans = np.where(hit, 0, table.coasted_scans + 1)
-        stamp_ns = np.int64(opened.scan.key.stamp_ns)
-        table.last_detection_ns = np.where(hit, stamp_ns, table.last_detection_ns)
-        source = np.append(opened.scan.source_index, -1).astype(np.int64)
-        table.detection_index = source[assigned]
-        gone = judge(table, opened.predictions, scores, associations, opened.clutter_density, p)
-        clutter = clutter_after(self.state.clutter, opened.scan, table.status, assigned, p)
+        count_detections(table, opened.scan, assigned)
+        density = opened.clutter_density
+        gone = judge(
+            table, lambda: scan_increments(opened.predictions, scores, associations, density), p
+        )
+        self.state.clutter = clutter_after(
+            self.state.clutter, opened.scan, table.status, assigned, p
+        )
         deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
         if gone.any():
             table = table.select(~gone)
-        points = StartPoints() if opened.started else self.state.points
-        if p.initiation == "automatic":
-            unassigned = unassigned_detections(
-                opened.scan, associations, opened.table.status, p.initiation_outside_gates
-            )
-            table, points = self._begin_tracks(opened.scan, table, points, unassigned, evidence)
-        self.state.clutter = clutter
+        table, points = self._begin_tracks(opened, table, associations, evidence)
         outcome = "degraded" if associations.degraded else "tracked"
-        return self._finish(opened, table, points, deleted, outcome)
+        return self._finish(opened, table, points, deleted, outcome, [])
+
+    def _close_trees(
+        self,
+        opened: OpenScan,
+        evidence: Evidence | None,
+        scores: AttributeScores | None,
+        associations: Associations,
+    ) -> tuple[Tracks, ScanReport]:
+        """Close the open scan by growing the hypothesis trees."""
+        past = [] if opened.started else past_of(self.state)
+        growth = grow(
+            opened,
+            past,
+            evidence,
+            None if associations.degraded else scores,
+            associations,
+            self.state.next_detection_number,
+            self.parameters,
+        )
+        settle(past, growth.ended_parent_id)
+        table = self._renamed(growth.table)
+        deleted = np.concatenate([opened.ended_track_id, growth.ended_track_id])
+        decided = replace(associations, assigned_detection=growth.assigned)
+        self.state.clutter = clutter_after(
+            self.state.clutter, opened.scan, opened.table.status, growth.assigned, self.parameters
+        )
+        grown, points = self._begin_tracks(opened, table, decided, evidence)
+        outcome = "degraded" if associations.degraded else "tracked"
+        return self._finish(opened, grown, points, deleted, outcome, past)
 
     def give_up(self) -> tuple[Tracks, ScanReport]:
         """Close the open scan without an answer: tracks are predicted, no miss counts."""
         opened = self._require_open()
-        table = opened.table.copy()
-        table.detection_index = np.full(len(table), -1, dtype=np.int64)
+        past: list[Generation] = []
+        if opened.predictions.settings.decision == "mht":
+            past = [] if opened.started else past_of(self.state)
+            table = self._renamed(coast(opened, past, self.parameters))
+        else:
+            table = opened.table.copy()
+            table.detection_index = np.full(len(table), -1, dtype=np.int64)
         points = StartPoints() if opened.started else self.state.points
-        return self._finish(opened, table, points, opened.ended_track_id, "gave_up")
+        return self._finish(opened, table, points, opened.ended_track_id, "gave_up", past)
+
+    def _renamed(self, table: HypothesisTable) -> HypothesisTable:
+        """Give every row an id of its own."""
+        first = self.state.next_hypothesis_id
+        self.state.next_hypothesis_id = first + len(table)
+        table.hypothesis_id = np.arange(first, first + len(table), dtype=np.int64)
+        return table
 
     def _require_open(self) -> OpenScan:
         if self.opened is None:
@@ -324,16 +373,23 @@ class TrackManager:
 
     def _begin_tracks(
         self,
-        scan: Scan,
+        opened: OpenScan,
         table: HypothesisTable,
-        points: StartPoints,
-        unassigned: IntArray,
+        associations: Associations,
         evidence: Evidence | None,
     ) -> tuple[HypothesisTable, StartPoints]:
         """Append what starts from the unassigned detections, as far as there is room."""
-        p, state = self.parameters, self.state
-        new, points = new_tracks(points, scan, unassigned, p)
-        count = min(len(new.detection), max(p.max_tracks - len(table), 0))
+        p, state, scan = self.parameters, self.state, opened.scan
+        points = StartPoints() if opened.started else state.points
+        if p.initiation != "automatic":
+            return table, points
+        unassigned = unassigned_detections(
+            scan, associations, opened.table.status, p.initiation_outside_gates
+        )
+        number = state.next_detection_number
+        new, points = new_tracks(points, scan, unassigned, number, p)
+        room = p.max_tracks - int(np.count_nonzero(table.chosen))
+        count = min(len(new.detection), max(room, 0))
         if count < len(new.detection):
             self.counters["max_tracks_reached"] += len(new.detection) - count
         if not count:
@@ -341,6 +397,12 @@ class TrackManager:
         born = hypotheses_of_births(
             new, count, scan, evidence, table, state.next_track_id, state.next_hypothesis_id, p
         )
+        width = table.detection_numbers.shape[1]
+        if width:
+            started = new.select(slice(count))
+            density = opened.predictions.settings.clutter_density
+            born.log_score = start_scores(started, scan, density, p)
+            born.detection_numbers = start_numbers(started, number, width)
         state.next_hypothesis_id += count
         state.next_track_id += count
         return table.append(born), points
@@ -352,9 +414,19 @@ class TrackManager:
         points: StartPoints,
         deleted: IntArray,
         outcome: str,
+        past: list[Generation],
     ) -> tuple[Tracks, ScanReport]:
+        """Move the state on; ``past`` are the trees' generations before this scan."""
         state = self.state
+        if past:
+            parent_id = table.parent_id[table.chosen]
+            kept = self.parameters.mht_scans - 1
+            state.generations, self.delayed = pass_on(past, parent_id, kept, self._tell)
+        else:
+            self.delayed = tell_all(state, self._tell)
+            state.generations = []
         state.table, state.points = table, points
+        state.next_detection_number += len(opened.scan)
         key = opened.scan.key
         others = state.last_sensors if key.stamp_ns == state.last_ns else ()
         state.last_sensors = (*others, key.sensor_id)
@@ -362,7 +434,8 @@ class TrackManager:
         state.deleted_track_id = deleted
         state.degraded = outcome != "tracked"
         state.scans_closed += 1
-        confirmed_tracks = int(np.count_nonzero(table.status == CONFIRMED))
+        tracks = int(np.count_nonzero(table.chosen))
+        confirmed_tracks = int(np.count_nonzero(table.chosen & (table.status == CONFIRMED)))
         state.last_report = ScanReport(
             opened.scan.key,
             outcome,
@@ -370,7 +443,7 @@ class TrackManager:
             detections_admitted=len(opened.scan),
             rejected=dict(opened.rejected),
             tracks_confirmed=confirmed_tracks,
-            tracks_tentative=len(table) - confirmed_tracks,
+            tracks_tentative=tracks - confirmed_tracks,
             queue_length=len(self._room),
         )
         self.opened = None
@@ -383,27 +456,17 @@ class TrackManager:
         if state.last_key is None:
             raise Inconsistent("no scan has been closed")
         table = state.table
-        return Tracks(
-            key=ScanKey(self.epoch, *state.last_key[1:]),
-            frame_id=self.parameters.tracking_frame,
-            system_uuid=self.system_uuid,
-            track_id=table.track_id,
-            hypothesis_id=table.hypothesis_id,
-            status=table.status,
-            mean=table.mean,
-            covariance=table.covariance,
-            frame=table.frame,
-            focal=table.focal,
-            masses=table.masses,
-            class_names=table.class_names,
-            class_probability=table.class_probability,
-            conflict=table.conflict,
-            hits=table.hits,
-            misses=table.misses,
-            coasted_scans=table.coasted_scans,
-            first_detection_ns=table.first_detection_ns,
-            last_detection_ns=table.last_detection_ns,
-            detection_index=table.detection_index.astype(np.int32),
-            deleted_track_id=state.deleted_track_id,
-            degraded=state.degraded,
-        )
+        if table.detection_numbers.shape[1]:
+            table = table.select(table.chosen)
+        return self._tell(table, state.last_key, state.deleted_track_id, state.degraded)
+
+    def rest_of_delayed(self) -> list[Tracks]:
+        """Tracks of the last scans with their revised past, as if no further scan came."""
+        return tell_all(self.state, self._tell)
+
+    def _tell(
+        self, table: HypothesisTable, key: ScanKey, deleted: IntArray, degraded: bool
+    ) -> Tracks:
+        frame_id = self.parameters.tracking_frame
+        key = ScanKey(self.epoch, *key[1:])
+        return tracks_of(table, key, frame_id, self.system_uuid, deleted, degraded)

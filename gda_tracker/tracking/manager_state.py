@@ -10,6 +10,7 @@ import numpy as np
 from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
+from gda_tracker.tracking.mht.generations import Generation
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.hypotheses import Predictions
 from gda_tracker.vocabulary.scans import Scan, ScanKey, ScanReport
@@ -32,12 +33,17 @@ class OpenScan:
 
 @dataclass(slots=True)
 class ManagerState:
-    """What a restart needs: hypotheses, start points, ids, the last closed scan."""
+    """What a restart needs: hypotheses, start points, ids, the last closed scan.
+
+    ``generations`` are the trees of the scans before the last closed one, oldest first; there are
+    none but under ``mht``.
+    """
 
     table: HypothesisTable = field(default_factory=HypothesisTable)
     points: StartPoints = field(default_factory=StartPoints)
     next_track_id: int = 1
     next_hypothesis_id: int = 1
+    next_detection_number: int = 0
     last_ns: int | None = None
     last_sensors: tuple[str, ...] = ()
     last_key: ScanKey | None = None
@@ -47,3 +53,4 @@ class ManagerState:
     initialised_from: tuple[bytes, int] | None = None
     scans_closed: int = 0
     clutter: ClutterMap = field(default_factory=ClutterMap)
+    generations: list[Generation] = field(default_factory=list)

@@ -28,9 +28,10 @@ class TrackManagerParameters:
 
     decision: str = parameter(
         "map",
-        "how detections are assigned: map (most probable joint hypothesis), gda (2004 chapter: "
-        "1 - P_k P_a and Munkres) or jpda (every track takes all detections in its gate, each as "
-        "far as it is probable; see coalescence_remedy)",
+        "how detections are assigned: mht (over several scans, multiple hypothesis tracking), map "
+        "(most probable joint hypothesis of each scan), gda (2004 chapter: 1 - P_k P_a and "
+        "Munkres) or jpda (every track takes all detections in its gate, each as far as it is "
+        "probable; see coalescence_remedy)",
         choices=DECISIONS,
     )
     attribute_term: str = parameter(
@@ -137,6 +138,13 @@ class TrackManagerParameters:
         "the extraction",
         minimum=0,
     )
+    mht_scans: int = parameter(
+        8,
+        "N of mht: the assignment of a scan is decided for good N scans later; tracks_delayed "
+        "follows by so many",
+        minimum=1,
+        maximum=LONGEST_WINDOW,
+    )
     history_policy: str = parameter(
         "none",
         "what a track's attribute history is made of: none, all its detections; forgetting, all, "
@@ -199,6 +207,48 @@ class TrackManagerParameters:
         "attribute hypotheses that miss a track: zero weight when a fuller one exists, or the "
         "products of table 14.3",
         choices=MISSED_TRACK_HYPOTHESES,
+        advanced=True,
+    )
+    mht_leaf_probability: float = parameter(
+        1e-3,
+        "mht: branches less probable are cut",
+        minimum=0.0,
+        maximum=0.5,
+        advanced=True,
+    )
+    mht_leaves_per_track: int = parameter(
+        10, "mht: branches kept per track", minimum=1, maximum=10_000, advanced=True
+    )
+    mht_merge_scans: int = parameter(
+        0,
+        "mht: branches of a track with the same detections in so many last scans are merged if "
+        "they are near each other; 0: never",
+        minimum=0,
+        maximum=LONGEST_WINDOW,
+        advanced=True,
+    )
+    mht_merge_distance: float = parameter(
+        0.5,
+        "mht: Mahalanobis distance of the states of branches that are merged",
+        minimum=0.0,
+        advanced=True,
+    )
+    mht_merge_belief: float = parameter(
+        0.05,
+        "mht: largest difference of a class probability or mass of branches that are merged",
+        minimum=0.0,
+        maximum=1.0,
+        advanced=True,
+    )
+    mht_max_leaves: int = parameter(
+        20_000, "mht: branches kept in all", minimum=1, maximum=1_000_000, advanced=True
+    )
+    new_target_density_per_m_rad: float = parameter(
+        1e-8,
+        "mht: new targets per scan, metre of range and radian of azimuth",
+        unit="1/(m rad)",
+        minimum=0.0,
+        minimum_excluded=True,
         advanced=True,
     )
     elevation_std_rad: float = parameter(

@@ -37,7 +37,10 @@ Associate = Callable[[Scan, Predictions, AttributeScores | None, GatedPairs], As
 
 @dataclass(slots=True)
 class RingResult:
-    """Everything that one scan brought about; ``None`` where the scan was rejected."""
+    """Everything that one scan brought about; ``None`` where the scan was rejected.
+
+    ``delayed``: tracks of earlier scans with a past that is final now (decision ``mht``).
+    """
 
     report: ScanReport
     tracks: Tracks | None = None
@@ -46,6 +49,7 @@ class RingResult:
     evidence: Evidence | None = None
     scores: AttributeScores | None = None
     associations: Associations | None = None
+    delayed: tuple[Tracks, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,4 +172,11 @@ class Ring:
         scores = self.fusion(predictions, evidence, pairs.hypothesis, pairs.detection)
         associations = self.associate(scan, predictions, scores, pairs)
         tracks, report = self.manager.close(evidence, scores, associations, trusted=True)
-        return RingResult(report, tracks, scan, predictions, evidence, scores, associations)
+        delayed = tuple(self.manager.delayed)
+        return RingResult(
+            report, tracks, scan, predictions, evidence, scores, associations, delayed
+        )
+
+    def rest_of_delayed(self) -> list[Tracks]:
+        """Tracks of the last scans with their revised past, as if no further scan came."""
+        return self.manager.rest_of_delayed()

@@ -11,7 +11,7 @@ from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.model_states import predict_models, update_models, without_models
 from gda_tracker.tracking.parameters import TrackManagerParameters
-from gda_tracker.vocabulary.arrays import BoolArray, Int32Array
+from gda_tracker.vocabulary.arrays import BoolArray, Int32Array, IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores
 from gda_tracker.vocabulary.scans import Scan
 
@@ -71,9 +71,15 @@ def update_beliefs(table: HypothesisTable, scores: AttributeScores, chosen: Bool
     ``chosen`` (P,) marks the pairs of the scores that were decided for.
     """
     pairs = np.flatnonzero(chosen)
+    set_beliefs(table, scores, scores.hypothesis[pairs].astype(np.int64), pairs)
+
+
+def set_beliefs(
+    table: HypothesisTable, scores: AttributeScores, rows: IntArray, pairs: IntArray
+) -> None:
+    """Give hypotheses, ``rows`` (R,) of the table, the candidate beliefs of ``pairs`` (R,)."""
     if not len(pairs):
         return
-    rows = scores.hypothesis[pairs]
     if scores.masses.shape[1]:
         table.use_focal(scores.focal)
         masses = table.masses.copy()
@@ -87,3 +93,17 @@ def update_beliefs(table: HypothesisTable, scores: AttributeScores, chosen: Bool
     conflict = table.conflict.copy()
     conflict[rows] = scores.conflict[pairs]
     table.conflict = conflict
+
+
+def count_detections(table: HypothesisTable, scan: Scan, assigned: Int32Array) -> None:
+    """Count the scan as a hit or a miss of each hypothesis; ``assigned`` as above."""
+    hit = assigned >= 0
+    table.history = ((table.history << 1) & np.int64((1 << 60) - 1)) | hit
+    table.age_scans = table.age_scans + 1
+    table.hits = table.hits + hit
+    table.misses = table.misses + ~hit
+    table.coasted_scans = np.where(hit, 0, table.coasted_scans + 1)
+    stamp_ns = np.int64(scan.key.stamp_ns)
+    table.last_detection_ns = np.where(hit, stamp_ns, table.last_detection_ns)
+    source = np.append(scan.source_index, -1).astype(np.int64)
+    table.detection_index = source[assigned]

@@ -29,6 +29,9 @@ def table_of(h, focal=(1, 2, 4), seed=0):
         "window_kind": rng.integers(0, 3, (h, 2), dtype=np.int32),
         "window_masses": rng.dirichlet(np.ones(4), (h, 2)).reshape(h, 2, 4),
         "window_log_class_likelihood": rng.normal(size=(h, 2, 3)),
+        "chosen": np.ones(h, dtype=bool),
+        "log_score": rng.normal(size=h),
+        "detection_numbers": np.zeros((h, 0), dtype=np.int64),
     }
     return HypothesisTable(
         **values,

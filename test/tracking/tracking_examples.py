@@ -110,6 +110,10 @@ def assert_same(one, other, path="") -> None:
     if dataclasses.is_dataclass(one):
         for item in dataclasses.fields(one):
             assert_same(getattr(one, item.name), getattr(other, item.name), f"{path}.{item.name}")
+    elif isinstance(one, list | tuple):
+        assert len(one) == len(other), path
+        for place, pair in enumerate(zip(one, other, strict=True)):
+            assert_same(*pair, f"{path}[{place}]")
     elif isinstance(one, np.ndarray):
         assert one.dtype == other.dtype, path
         assert one.shape == other.shape, path

@@ -1,0 +1,212 @@
+"""Growth of the hypothesis trees by one scan: branch, decide, prune, compute what survives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gda_tracker.association.leaf_pruning import n_scan_decision
+from gda_tracker.association.log_ratios import log_ratios
+from gda_tracker.tracking.extraction import scan_increments
+from gda_tracker.tracking.history_window import remember
+from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.life import judge
+from gda_tracker.tracking.manager_state import OpenScan
+from gda_tracker.tracking.mht.branches import Branches, branch
+from gda_tracker.tracking.mht.decision import global_hypothesis
+from gda_tracker.tracking.mht.generations import Generation, ancestors, rows_of
+from gda_tracker.tracking.mht.pruning import Nearness, leaves_in_all, merge
+from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.state_update import count_detections, set_beliefs, update_states
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
+from gda_tracker.vocabulary.hypotheses import Associations
+from gda_tracker.vocabulary.tracks import CONFIRMED
+
+
+@dataclass(slots=True)
+class Growth:
+    """The trees after a scan.
+
+    ``table`` has the leaves that live, still without ids of their own; ``parent_id`` is set.
+    ``ended_track_id`` are the tracks that ended, ``ended_parent_id`` the parents of their last
+    leaves, but for tracks whose detections have gone to others. ``assigned`` (H,) is the detection
+    that the chosen leaves have given to the rows of the scan's predictions, -1 for none.
+    """
+
+    table: HypothesisTable
+    ended_track_id: IntArray
+    ended_parent_id: IntArray
+    assigned: Int32Array
+
+
+def grow(
+    opened: OpenScan,
+    generations: Sequence[Generation],
+    evidence: Evidence | None,
+    scores: AttributeScores | None,
+    associations: Associations,
+    first_number: int,
+    parameters: TrackManagerParameters,
+) -> Growth:
+    """Grow the trees by the scan that is open.
+
+    Parameters
+    ----------
+    opened
+        The scan and the leaves, predicted to its time.
+    generations
+        The last scans, oldest first, with the leaves' own nodes in the newest.
+    evidence, scores, associations
+        The stages' answers; the scores belong to the associations' pairs.
+    first_number
+        Running number of the scan's first detection.
+    parameters
+        Those of the scan.
+    """
+    pair_score, miss_score = log_ratios(
+        associations.hypothesis,
+        associations.detection,
+        associations.kinematic_log_likelihood,
+        None if scores is None else associations.attribute_log_likelihood,
+        None if scores is None else scores.clutter_log_likelihood,
+        opened.predictions.detection_probability,
+        opened.predictions.settings.clutter_density,
+    )
+    branches = branch(
+        opened.table,
+        associations.hypothesis,
+        associations.detection,
+        pair_score,
+        miss_score,
+        first_number,
+    )
+    branches, chosen = decide(branches, opened.table, generations, parameters)
+    table = opened.table.select(branches.parent)
+    table.chosen, table.log_score = chosen, branches.log_score
+    table.detection_numbers = branches.detection_numbers[:, : parameters.mht_scans].copy()
+    table.parent_id = opened.table.hypothesis_id[branches.parent]
+    used = branches.detection.astype(np.int32)
+    update_states(table, opened.scan, used, parameters.use_range_rate)
+    if evidence is not None:
+        table.use_frame(evidence.frame, evidence.class_names)
+    if scores is not None:
+        rows = np.flatnonzero(branches.pair >= 0)
+        set_beliefs(table, scores, rows, branches.pair[rows])
+        if evidence is not None:
+            remember(table, evidence, rows.astype(np.int32), used[rows])
+    count_detections(table, opened.scan, used)
+    p = parameters
+    if p.mht_merge_scans:
+        nearness = Nearness(p.mht_merge_scans, p.mht_merge_distance**2, p.mht_merge_belief)
+        table = merge(table, nearness)
+    assigned = np.full(len(opened.table), -1, dtype=np.int32)
+    assigned[branches.parent[chosen]] = used[chosen]
+    return _live_and_end(
+        opened, table, scores, replace(associations, assigned_detection=assigned), p
+    )
+
+
+def coast(
+    opened: OpenScan, generations: Sequence[Generation], parameters: TrackManagerParameters
+) -> HypothesisTable:
+    """Return the leaves after a scan of which nothing is known: predicted, nothing counted."""
+    table = opened.table.copy()
+    none = np.zeros(0, dtype=np.int32)
+    branches = branch(table, none, none, np.zeros(0), np.zeros(len(table)), 0)
+    branches, chosen = decide(branches, table, generations, parameters)
+    table = table.select(branches.parent)
+    table.chosen, table.log_score = chosen, branches.log_score
+    table.parent_id = table.hypothesis_id
+    table.detection_numbers = branches.detection_numbers[:, : parameters.mht_scans].copy()
+    table.detection_index = np.full(len(table), -1, dtype=np.int64)
+    return table
+
+
+def decide(
+    branches: Branches,
+    table: HypothesisTable,
+    generations: Sequence[Generation],
+    parameters: TrackManagerParameters,
+) -> tuple[Branches, BoolArray]:
+    """Find the best global hypothesis of the branches and prune what is not worth keeping.
+
+    Returns
+    -------
+    branches, chosen
+        The branches that stay, and which of them are in the best global hypothesis.
+    """
+    if not len(branches):
+        return branches, np.zeros(0, dtype=np.bool_)
+    p = parameters
+    track = ranks(branches.track_id)
+    mandatory = np.zeros(track[-1] + 1, dtype=np.bool_)
+    mandatory[track] = table.status[branches.parent] == CONFIRMED
+    score = branches.log_score + _ground(branches.log_score, track, mandatory)
+    chosen, probability = global_hypothesis(
+        score, track, branches.detection_numbers, np.flatnonzero(~mandatory)
+    )
+    if len(generations) >= p.mht_scans:
+        root = ancestors(table.hypothesis_id, generations[-p.mht_scans :])[0][branches.parent]
+    else:
+        root = np.full(len(branches), -1, dtype=np.int64)
+    found = np.zeros(len(mandatory), dtype=np.bool_)
+    found[track[chosen]] = True
+    keep = found[track] & n_scan_decision(
+        chosen,
+        track,
+        root[:, None],
+        probability=probability,
+        min_probability=p.mht_leaf_probability,
+        max_leaves=leaves_in_all(p.mht_leaves_per_track, p.mht_max_leaves, len(mandatory)),
+    )
+    return branches.select(keep), chosen[keep]
+
+
+def ranks(track_id: IntArray) -> IntArray:
+    """Rank (L,) of each leaf's track, 0 to T - 1; leaves of a track stand one after the other."""
+    new = np.empty(len(track_id), dtype=np.bool_)
+    new[:1] = True
+    np.not_equal(track_id[1:], track_id[:-1], out=new[1:])
+    return np.cumsum(new) - 1
+
+
+def _ground(log_score: FloatArray, track: IntArray, mandatory: BoolArray) -> FloatArray:
+    """What lifts tentative tracks (L,) to a score of zero at least.
+
+    A track whose evidence is still against it may go on to collect more as long as no other track
+    needs its detections; M-of-N ends it.
+    """
+    best = np.full(len(mandatory), -np.inf)
+    np.maximum.at(best, track, log_score)
+    lift = np.where(mandatory, 0.0, np.maximum(-best, 0.0) + 1e-9)
+    return lift[track]
+
+
+def _live_and_end(
+    opened: OpenScan,
+    table: HypothesisTable,
+    scores: AttributeScores | None,
+    decided: Associations,
+    p: TrackManagerParameters,
+) -> Growth:
+    """Confirm and end tracks by what their chosen leaves have seen; all leaves share the status."""
+    before = opened.table
+    leaders, track = np.flatnonzero(table.chosen), ranks(table.track_id)
+    leading = table.select(leaders)
+    parents = rows_of(before.hypothesis_id, leading.parent_id)
+    density = opened.clutter_density
+
+    def increments() -> FloatArray:
+        return scan_increments(opened.predictions, scores, decided, density)[parents]
+
+    gone = judge(leading, increments, p)
+    table.status = leading.status[track]
+    table.log_likelihood_ratio = leading.log_likelihood_ratio[track]
+    if gone.any():
+        table = table.select(~gone[track])
+    # The global hypothesis has no room for some: they end too, and leave no past.
+    left = before.chosen & ~np.isin(before.track_id, table.track_id)
+    return Growth(table, before.track_id[left], leading.parent_id[gone], decided.assigned_detection)

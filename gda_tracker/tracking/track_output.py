@@ -1,0 +1,45 @@
+"""From rows of the hypothesis table to tracks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.vocabulary.arrays import IntArray
+from gda_tracker.vocabulary.scans import ScanKey
+from gda_tracker.vocabulary.tracks import Tracks
+
+
+def tracks_of(
+    table: HypothesisTable,
+    key: ScanKey,
+    frame_id: str,
+    system_uuid: bytes,
+    deleted_track_id: IntArray,
+    degraded: bool,
+) -> Tracks:
+    """Return the tracks after a scan; ``table`` has one row for each."""
+    return Tracks(
+        key=key,
+        frame_id=frame_id,
+        system_uuid=system_uuid,
+        track_id=table.track_id,
+        hypothesis_id=table.hypothesis_id,
+        status=table.status,
+        mean=table.mean,
+        covariance=table.covariance,
+        frame=table.frame,
+        focal=table.focal,
+        masses=table.masses,
+        class_names=table.class_names,
+        class_probability=table.class_probability,
+        conflict=table.conflict,
+        hits=table.hits,
+        misses=table.misses,
+        coasted_scans=table.coasted_scans,
+        first_detection_ns=table.first_detection_ns,
+        last_detection_ns=table.last_detection_ns,
+        detection_index=table.detection_index.astype(np.int32),
+        deleted_track_id=deleted_track_id,
+        degraded=degraded,
+    )
