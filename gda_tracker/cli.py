@@ -1,4 +1,4 @@
-"""The command line: ``gda-tracker demo | run | replay | record | evaluate | fuse``."""
+"""The command line: ``gda-tracker demo | run | replay | record | say | evaluate | fuse``."""
 
 from __future__ import annotations
 
@@ -68,6 +68,37 @@ COMMANDS = {
 
         example:
           gda-tracker record my_bag
+        """,
+    ),
+    "say": Command(
+        "gda_tracker.commands.say",
+        "tell a running tracker what somebody knows of a place or a track",
+        """
+        Reads statements written in YAML, checks them, publishes them to a ring that runs in the
+        ROS domain of the environment, and prints whether each was admitted. It is used with the
+        next scan: it changes evidence, class beliefs, associations and states.
+
+          source       who says it
+          kind         region (crisp), fuzzy (grades), fds (pieces with masses of the sum 1),
+                       rule (rule: region_implies_classes or classes_imply_region)
+          about        place (any detection there) or track (with track_id)
+          reliability  chance that the source is right, 0 to 1; without it 1
+          pieces       a list, each with a region, classes (names with grades 0 to 1) or both:
+                       {shape: gaussian, centre_m: [x, y], covariance_m2: [xx, xy, yx, yy]}
+                       {shape: box, low_m: [x, y], high_m: [x, y]}
+                       {shape: polygon, vertices_m: [x, y, x, y, x, y, ...]}
+                       {shape: sector, centre_m: [x, y], first_bearing_rad, opening_rad,
+                        nearest_m, farthest_m} (the last two may be left out)
+          stamp_s, sequence, frame_id may be left out: that of the newest scan, a new number,
+                       the tracking frame
+
+        Angles are counter-clockwise from the x axis. docs/statements.md says what each does.
+        Exit status 1 if the ring refuses a statement, 2 if the file is wrong or no ring runs.
+
+        examples:
+          gda-tracker say --example fuzzy > buoy.yaml
+          gda-tracker say buoy.yaml --check
+          gda-tracker say buoy.yaml
         """,
     ),
     "evaluate": Command(

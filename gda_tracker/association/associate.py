@@ -24,6 +24,7 @@ from gda_tracker.association.generalised import (
 )
 from gda_tracker.association.hypothesis_scores import score_hypotheses
 from gda_tracker.association.joint import MAX_ELEMENTS
+from gda_tracker.association.statements import statement_factors
 from gda_tracker.kinematics.gating import GatedPairs
 from gda_tracker.parameters import parameter
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, IntArray
@@ -130,7 +131,7 @@ class Associator:
         coalescence remedy. Decision ``mht``: nothing is chosen, each hypothesis is scored alone
         (:mod:`gda_tracker.association.hypothesis_scores`). Without scores kinematics alone decide,
         the result is marked degraded and its attribute term is ``none``. (Tchamova et al. 2004,
-        14.4)
+        14.4) Statements on where a track is weigh with the kinematics.
 
         Parameters
         ----------
@@ -161,10 +162,17 @@ class Associator:
         if scores is not None:
             _check_scores(scores, pairs, settings.attribute_term, len(scan))
 
+        factors = None
+        if scan.statements:
+            factors = statement_factors(
+                scan, predictions, scores, pairs.hypothesis, pairs.detection
+            )
         if settings.decision == "mht":
-            return score_hypotheses(scan, predictions, scores, pairs)
+            return score_hypotheses(scan, predictions, scores, pairs, factors)
         known = groundwork or self.lay_groundwork(scan, predictions, pairs)
         gated, clusters, kinematic = known.gated, known.clusters, known.kinematic
+        if factors is not None:
+            kinematic = factors.of(kinematic)
         joint = kinematic
         if scores is not None and (
             scores.log_likelihood.any() or scores.clutter_log_likelihood.any()

@@ -12,6 +12,7 @@ import numpy as np
 
 from gda_tracker.association.choices import EACH_HYPOTHESIS_ALONE
 from gda_tracker.association.log_ratios import log_ratios
+from gda_tracker.association.statements import StatementFactors
 from gda_tracker.kinematics.gating import GatedPairs
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.beliefs import AttributeScores
@@ -20,9 +21,16 @@ from gda_tracker.vocabulary.scans import Scan
 
 
 def score_hypotheses(
-    scan: Scan, predictions: Predictions, scores: AttributeScores | None, pairs: GatedPairs
+    scan: Scan,
+    predictions: Predictions,
+    scores: AttributeScores | None,
+    pairs: GatedPairs,
+    said: StatementFactors | None = None,
 ) -> Associations:
-    """Return the associations of decision ``mht``: likelihoods per pair, nothing chosen."""
+    """Return the associations of decision ``mht``: likelihoods per pair, nothing chosen.
+
+    What was ``said`` of where tracks are counts in the probabilities.
+    """
     settings, n_hypotheses = predictions.settings, len(predictions)
 
     def alone(attribute: FloatArray | None, clutter: FloatArray | None) -> FloatArray:
@@ -36,6 +44,8 @@ def score_hypotheses(
             predictions.detection_probability,
             settings.clutter_density,
         )
+        if said is not None:
+            pair, miss = pair + said.log_pair, miss + said.log_idle
         highest = miss.copy()
         np.maximum.at(highest, pairs.hypothesis, pair)
         weight = np.exp(pair - highest[pairs.hypothesis])

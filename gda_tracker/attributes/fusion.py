@@ -21,6 +21,8 @@ Under the terms on Shafer's model a history that carries masses of intersections
 is projected first. The log likelihood of a pair is log sum_c P(c | history) f(attribute | c)
 (Mahler 2011, (88)); under the terms with masses P(c | history) is the pignistic probability of the
 history. A detection whose attribute is unknown leaves the history as it is and scores nothing.
+Statements about a track change its history before the pairs are scored
+(:mod:`gda_tracker.attributes.statement_histories`).
 """
 
 from __future__ import annotations
@@ -39,18 +41,31 @@ from gda_tracker.attributes.class_terms import (
 )
 from gda_tracker.attributes.mass_terms import fuse_masses
 from gda_tracker.attributes.pair_beliefs import NO_FOCAL, PairBeliefs, Pairs, without_attribute
+from gda_tracker.attributes.statement_histories import Histories, hear_statements
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS, DISTANCE_TERMS
 from gda_tracker.attributes.window_histories import (
-    Histories,
+    Histories as WindowHistories,
+)
+from gda_tracker.attributes.window_histories import (
     replace_rows,
     window_histories,
     windows_of,
 )
 from gda_tracker.evidence.frames import total_ignorance
 from gda_tracker.parameters import ParameterError, parameter, specifications
-from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, MaskArray, empty_floats
+from gda_tracker.vocabulary.arrays import (
+    BoolArray,
+    FloatArray,
+    Int32Array,
+    IntArray,
+    MaskArray,
+    empty_floats,
+)
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import HISTORY_POLICIES, Predictions
+from gda_tracker.vocabulary.statements import TRACK, Statement
+
+_NO_ROWS: IntArray = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -187,8 +202,11 @@ class AttributeFusion:
         evidence: Evidence,
         hypothesis: Int32Array,
         detection: Int32Array,
+        statements: tuple[Statement, ...] = (),
     ) -> AttributeScores:
         """Score the pairs (``hypothesis[p]``, ``detection[p]``) by the term of the predictions.
+
+        ``statements`` are those of the scan.
 
         Raises
         ------
@@ -210,18 +228,30 @@ class AttributeFusion:
             predictions.frame == evidence.frame and predictions.class_names == evidence.class_names
         )
         believed = known and len(predictions.focal) > 0
-        none = empty_floats(len(hypothesis), 0)
-        histories = (
+        none = empty_floats(len(predictions), 0)
+        histories = Histories(
             predictions.focal if believed else NO_FOCAL,
-            predictions.masses[hypothesis] if believed else none,
-            predictions.class_probability[hypothesis] if known else none,
+            predictions.masses if believed else none,
+            predictions.class_probability if known else none,
+            _NO_ROWS,
+        )
+        if term != "none" and any(each.about == TRACK for each in statements):
+            histories = self._hear(statements, predictions, evidence, histories)
+        of_pairs = (
+            histories.focal,
+            histories.masses[hypothesis],
+            histories.class_probability[hypothesis],
         )
         if settings.history_policy == "window" and known and len(hypothesis):
-            histories = self._of_windows(predictions, evidence, hypothesis, detection, histories)
+            # A window holds detections alone: a statement counts with the belief that it changes.
+            heard = np.isin(hypothesis, histories.updated)
+            of_pairs = self._of_windows(
+                predictions, evidence, hypothesis, detection, of_pairs, heard
+            )
         pairs = fuse_pairs(
             term,
             evidence.frame,
-            *histories,
+            *of_pairs,
             evidence,
             detection,
             settings.forgetting_factor if settings.history_policy == "forgetting" else 1.0,
@@ -247,6 +277,11 @@ class AttributeFusion:
             masses=pairs.masses,
             class_names=evidence.class_names,
             class_probability=pairs.class_probability,
+            updated_hypothesis=histories.updated.astype(np.int32),
+            updated_masses=_over(pairs.focal, histories),
+            updated_class_probability=histories.class_probability[histories.updated].reshape(
+                -1, pairs.class_probability.shape[1]
+            ),
         )
 
     def _of_windows(
@@ -255,11 +290,13 @@ class AttributeFusion:
         evidence: Evidence,
         hypothesis: Int32Array,
         detection: Int32Array,
-        beliefs: Histories,
-    ) -> Histories:
+        beliefs: WindowHistories,
+        heard: BoolArray,
+    ) -> WindowHistories:
         """Histories of the pairs from the windows of their hypotheses.
 
-        A pair without a known attribute would not move the window: it keeps the belief itself.
+        A pair without a known attribute would not move the window: it keeps the belief itself, and
+        so do the pairs of which something was ``heard`` (P,).
         """
         # Each hypothesis once, however many pairs it has.
         rows, of_pair = np.unique(hypothesis, return_inverse=True)
@@ -271,7 +308,38 @@ class AttributeFusion:
             self.class_transition,
         )
         histories = focal, masses[of_pair], classes[of_pair]
-        unknown = ~evidence.informative[detection]
-        if not unknown.any():
+        kept = heard | ~evidence.informative[detection]
+        if not kept.any():
             return histories
-        return replace_rows(histories, beliefs, unknown, total_ignorance(len(evidence.frame)))
+        return replace_rows(histories, beliefs, kept, total_ignorance(len(evidence.frame)))
+
+    def _hear(
+        self,
+        statements: tuple[Statement, ...],
+        predictions: Predictions,
+        evidence: Evidence,
+        histories: Histories,
+    ) -> Histories:
+        """Histories after the statements about tracks."""
+        classes = len(evidence.class_names)
+        known = len(evidence.masses) > 0
+        prior = class_prior(evidence) if known else np.full(classes, 1.0 / classes)
+        rows = np.arange(len(predictions), dtype=np.int32)
+
+        def fuse(
+            focal: MaskArray, masses: FloatArray, probability: FloatArray, said: Evidence
+        ) -> PairBeliefs:
+            term = predictions.settings.attribute_term
+            return fuse_pairs(term, evidence.frame, focal, masses, probability, said, rows)
+
+        return hear_statements(statements, predictions, evidence, prior, histories, fuse)
+
+
+def _over(focal: MaskArray, histories: Histories) -> FloatArray:
+    """Masses of the updated histories over the columns of the candidates, which hold all theirs."""
+    masses = np.zeros((len(histories.updated), len(focal)))
+    if len(focal) and len(histories.updated):
+        place = {int(mask): column for column, mask in enumerate(focal)}
+        columns = [place[int(mask)] for mask in histories.focal]
+        masses[:, columns] = histories.masses[histories.updated]
+    return masses

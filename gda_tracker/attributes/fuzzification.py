@@ -3,8 +3,9 @@
 Per detection it gives masses on the labels of the frame (Tchamova et al. 2004, 14.3.1 and
 14.3.2.1), the exact class likelihoods and the class probabilities that follow from this detection
 alone (Mahler 2011, (94)). By default the only attribute is the radar cross section; parameters
-declare more (:mod:`gda_tracker.attributes.attribute_evidence`). A detection without a usable
-attribute knows nothing: its mass is on total ignorance.
+declare more (:mod:`gda_tracker.attributes.attribute_evidence`), and statements about a place speak
+of the detections there (:mod:`gda_tracker.attributes.statement_evidence`). A detection of which
+nothing is known has its mass on total ignorance.
 
 >>> parameters = RcsFuzzifierParameters(class_prior=[0.1, 0.5, 0.4])
 >>> RcsFuzzifier(parameters).frame
@@ -29,6 +30,8 @@ from gda_tracker.attributes.bayes import class_update
 from gda_tracker.attributes.fuzzifier_parameters import RcsFuzzifierParameters
 from gda_tracker.attributes.memberships import DensityMembership, HistogramMembership
 from gda_tracker.attributes.rcs import gamma_shape, log_gamma_density
+from gda_tracker.attributes.statement_evidence import with_place_statements
+from gda_tracker.attributes.statement_meaning import classes_known
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 from gda_tracker.vocabulary.beliefs import Evidence
 from gda_tracker.vocabulary.scans import Scan
@@ -50,7 +53,8 @@ class RcsFuzzifier:
     parameters
         The stage's parameters.
     counters
-        Where to count, by attribute, the values that were out of range.
+        Where to count, by attribute, the values that were out of range, and the statements that
+        name a class that is none of ours: such a statement says nothing about classes.
     """
 
     def __init__(
@@ -92,13 +96,15 @@ class RcsFuzzifier:
             found = self._combine(
                 [found, *(self._attribute(scan, name) for name in self.attributes)]
             )
+        if scan.statements:
+            found = self._with_statements(found, scan)
         log_likelihood, unknown = found.log_class_likelihood, ~found.informative
         class_probability, _ = class_update(self.prior, log_likelihood)
         class_probability[unknown] = self.prior
         return Evidence(
             key=scan.key,
             frame=self.frame,
-            focal=self.focal.copy(),
+            focal=found.focal.copy(),
             masses=found.masses,
             class_names=self.class_names,
             log_class_likelihood=log_likelihood,
@@ -124,6 +130,13 @@ class RcsFuzzifier:
         )
         forget_rows(~usable, masses, log_likelihood)
         return AttributeEvidence(self._rcs_focal, masses, log_likelihood, usable)
+
+    def _with_statements(self, found: AttributeEvidence, scan: Scan) -> AttributeEvidence:
+        names = self.class_names
+        strange = sum(not classes_known(statement, names) for statement in scan.statements)
+        if strange:
+            self.counters["statement_of_unknown_class"] += strange
+        return with_place_statements(found, scan, self.frame, names, self.parameters.attribute_rule)
 
     def _attribute(self, scan: Scan, name: str) -> AttributeEvidence:
         values, valid = _column(scan, name)

@@ -18,6 +18,7 @@ from gda_tracker.simulation.playback import Playback, of_recording, of_scenario
 from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
 from gda_tracker.tracking.ring import stage_parameters
 from gda_tracker.vocabulary.scans import ScanReport
+from gda_tracker.vocabulary.statements import StatementReport
 from gda_tracker.vocabulary.tracks import Tracks
 
 STALL_TIMEOUT_S = 60.0
@@ -89,10 +90,11 @@ def run(args: argparse.Namespace) -> int:
     if not play.detections:
         raise UserError(f"{args.recording}: no scans")
     sys.stdout.flush()
+    said: list[StatementReport] = []
     if args.offline:
-        answers = _offline(play, parameters, args.association_log)
+        answers = _offline(play, parameters, said, args.association_log)
     else:
-        answers = _through_the_nodes(play, parameters, args)
+        answers = _through_the_nodes(play, parameters, args, said)
     if args.tracks:
         from gda_tracker.io.track_csv import TrackCsvWriter
 
@@ -103,6 +105,9 @@ def run(args: argparse.Namespace) -> int:
         print(f"tracks: {args.tracks}")
     if args.association_log:
         print(f"association log: {args.association_log}")
+    if said:
+        count = Counter(report.reason or report.outcome for report in said)
+        print("statements: " + ", ".join(f"{number} {name}" for name, number in count.items()))
     _summary(play, answers, args.match_distance)
     return 0
 
@@ -137,7 +142,9 @@ def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
     )
 
 
-def _offline(play: Playback, parameters: Parameters, log_path: Path | None) -> Answers:
+def _offline(
+    play: Playback, parameters: Parameters, said: list[StatementReport], log_path: Path | None
+) -> Answers:
     from gda_tracker.evaluation.association_log import AssociationLogWriter
     from gda_tracker.tracking.ring import Ring
 
@@ -148,7 +155,8 @@ def _offline(play: Playback, parameters: Parameters, log_path: Path | None) -> A
     with ExitStack() as stack:
         log = stack.enter_context(AssociationLogWriter(log_path)) if log_path else None
         bar = stack.enter_context(progress_bar(len(play.detections), "scans"))
-        for detections in (*play.detections, None):
+        for position, detections in enumerate((*play.detections, None)):
+            said += [ring.say(statement) for statement in play.said_before(position)]
             for result in ring.finish() if detections is None else ring.feed(detections):
                 answers.append((result.report, result.tracks))
                 if log is not None:
@@ -167,7 +175,9 @@ def credits_needed(play: Playback, parameters: Parameters) -> int:
     return int(min((newer - np.arange(len(stamps))).max() + 2, manager.queue_depth))
 
 
-def _through_the_nodes(play: Playback, parameters: Parameters, args: argparse.Namespace) -> Answers:
+def _through_the_nodes(
+    play: Playback, parameters: Parameters, args: argparse.Namespace, said: list[StatementReport]
+) -> Answers:
     from gda_tracker.nodes.runner import Nodes, RingProcesses, private_environment, use_environment
     from gda_tracker.nodes.scan_source import ScanSourceNode
 
@@ -202,6 +212,7 @@ def _through_the_nodes(play: Playback, parameters: Parameters, args: argparse.Na
         if source.error:
             raise UserError(source.error)
         progress = source.progress
+        said += progress.statement_reports
     return [
         (report, progress.tracks.get((report.key.sensor_id, report.key.stamp_ns)))
         for report in progress.reports

@@ -239,6 +239,9 @@ def attribute_scores_to_message(scores: AttributeScores) -> Any:
     message.masses = floats_to_field(scores.masses)
     message.class_names = [str(name) for name in scores.class_names]
     message.class_probability = floats_to_field(scores.class_probability)
+    message.updated_hypothesis = int32_to_field(scores.updated_hypothesis)
+    message.updated_masses = floats_to_field(scores.updated_masses)
+    message.updated_class_probability = floats_to_field(scores.updated_class_probability)
     return message
 
 
@@ -249,6 +252,7 @@ def attribute_scores_from_message(message: Any) -> AttributeScores:
     class_names = _names(message.class_names)
     pairs = len(hypothesis)
     informative = bools_from_field(message.informative)
+    updated = int32_from_field(message.updated_hypothesis)
     return AttributeScores(
         key=key_from_message(message.key),
         attribute_term=str(message.attribute_term),
@@ -265,6 +269,11 @@ def attribute_scores_from_message(message: Any) -> AttributeScores:
         masses=_floats(message, "masses", pairs, len(focal)),
         class_names=class_names,
         class_probability=_floats(message, "class_probability", pairs, len(class_names)),
+        updated_hypothesis=updated,
+        updated_masses=_floats(message, "updated_masses", len(updated), len(focal)),
+        updated_class_probability=_floats(
+            message, "updated_class_probability", len(updated), len(class_names)
+        ),
     )
 
 

@@ -1,8 +1,9 @@
 """Every class of the vocabulary as a message and back, under one roof.
 
 One pair of functions per class: ``detections_to_message`` and ``detections_from_message``, and so
-on. They live in :mod:`~gda_tracker.io.scan_messages`, :mod:`~gda_tracker.io.belief_messages` and
-:mod:`~gda_tracker.io.track_messages`; single fields are converted in :mod:`~gda_tracker.io.fields`.
+on. They live in :mod:`~gda_tracker.io.scan_messages`, :mod:`~gda_tracker.io.belief_messages`,
+:mod:`~gda_tracker.io.statement_messages` and :mod:`~gda_tracker.io.track_messages`; single fields
+are converted in :mod:`~gda_tracker.io.fields`.
 """
 
 from gda_tracker.io.belief_messages import (
@@ -28,6 +29,12 @@ from gda_tracker.io.scan_messages import (
     scan_truth_from_message,
     scan_truth_to_message,
 )
+from gda_tracker.io.statement_messages import (
+    statement_from_message,
+    statement_report_from_message,
+    statement_report_to_message,
+    statement_to_message,
+)
 from gda_tracker.io.track_messages import tracks_from_message, tracks_to_message
 
 __all__ = [
@@ -52,6 +59,10 @@ __all__ = [
     "scan_truth_to_message",
     "stamp_from_time",
     "stamp_to_time",
+    "statement_from_message",
+    "statement_report_from_message",
+    "statement_report_to_message",
+    "statement_to_message",
     "tracks_from_message",
     "tracks_to_message",
 ]

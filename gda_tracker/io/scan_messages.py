@@ -32,6 +32,7 @@ from gda_tracker.io.fields import (
     stamp_from_time,
     unsigned,
 )
+from gda_tracker.io.statement_messages import statement_from_message, statement_to_message
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.scans import (
     IDENTITY_QUATERNION,
@@ -186,6 +187,8 @@ def scan_to_message(scan: Scan) -> Any:
     message.rcs_valid = bools_to_field(scan.rcs_valid)
     message.time_offset_s = floats_to_field(scan.time_offset_s)
     _attributes_to_message(scan, message)
+    if scan.statements:
+        message.statements = [statement_to_message(each) for each in scan.statements]
     return message
 
 
@@ -234,6 +237,7 @@ def scan_from_message(message: Any) -> Scan:
         attribute_names=names,
         attribute_values=values if names else None,
         attribute_valid=valid if names else None,
+        statements=tuple(statement_from_message(each) for each in message.statements),
     )
 
 

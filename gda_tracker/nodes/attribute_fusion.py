@@ -82,7 +82,11 @@ class AttributeFusionNode(GatingNode):
         self._look_at_classes(entry)
         pairs = self.pairs(entry)
         return self._fusion(
-            entry["predictions"], entry["evidence"], pairs.hypothesis, pairs.detection
+            entry["predictions"],
+            entry["evidence"],
+            pairs.hypothesis,
+            pairs.detection,
+            entry["scans"].statements,
         )
 
 

@@ -21,6 +21,8 @@ FLUSH_PERIOD_S = 2.0
 # Topic -> message and the quality it is subscribed with.
 TOPICS: dict[str, tuple[type, QoSProfile]] = {
     "detections": (msg.DetectionArray, sensor(1000, "best_effort")),
+    "statements": (msg.Statement, stream(1000)),
+    "statement_reports": (msg.StatementReport, stream(1000)),
     "truth": (msg.ScanTruth, stream(1000)),
     "initial_tracks": (msg.TrackArray, latched(10)),
     "scans": (msg.Scan, latched(100)),

@@ -2,6 +2,7 @@
 
 It waits for the answer to every scan (``scan_reports``): at most ``credits`` scans are unanswered,
 and an unanswered one is sent again, so nothing is lost however slow the ring or whatever restarts.
+A statement is sent when all scans before it are answered, and the next scan when it is.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from gda_tracker.io.messages import (
     detections_to_message,
     scan_report_from_message,
     scan_truth_to_message,
+    statement_report_from_message,
+    statement_to_message,
     tracks_from_message,
     tracks_to_message,
 )
@@ -27,6 +30,7 @@ from gda_tracker.nodes.qualities import latched, stream
 from gda_tracker.parameters import ParameterError, parameter
 from gda_tracker.simulation.playback import Playback, of_recording, of_scenario
 from gda_tracker.vocabulary.scans import ScanReport
+from gda_tracker.vocabulary.statements import StatementReport
 from gda_tracker.vocabulary.tracks import Tracks
 
 TICK_S = 0.05
@@ -87,10 +91,11 @@ class Progress:
     answered: int = 0
     reports: list[ScanReport] = field(default_factory=list)
     tracks: dict[tuple[str, int], Tracks] = field(default_factory=dict)
+    statement_reports: list[StatementReport] = field(default_factory=list)
 
 
 class ScanSourceNode(RingNode):
-    """``detections``, ``initial_tracks`` and ``truth`` out, ``scan_reports`` in.
+    """``detections``, ``statements``, ``initial_tracks`` and ``truth`` out, the reports in.
 
     Parameters
     ----------
@@ -117,6 +122,9 @@ class ScanSourceNode(RingNode):
         self._play: Playback | None = None
         self._position = 0
         self._waiting: dict[tuple[str, int], _Sent] = {}
+        self._said: dict[tuple[str, int], _Sent] = {}
+        self._said_until = -1
+        self._speaks = any(play.statements for play in plays)
         self._reported: dict[tuple[str, int], ScanReport] = {}
         self._initial: tuple[int, Any, float] | None = None
         self._sequence = 0
@@ -132,6 +140,10 @@ class ScanSourceNode(RingNode):
         self._detections = self.advertise(msg.DetectionArray, "detections", stream())
         self._truth = self.advertise(msg.ScanTruth, "truth", stream(1000))
         self._initial_tracks = self.advertise(msg.TrackArray, "initial_tracks", latched())
+        self._statements = self.advertise(msg.Statement, "statements", stream())
+        self.subscribe(
+            msg.StatementReport, "statement_reports", self._on_statement_report, stream(1000)
+        )
         self.subscribe(msg.ScanReport, "scan_reports", self._on_report, stream(1000))
         if self._collect:
             self.subscribe(msg.TrackArray, "tracks", self._on_tracks, stream(1000))
@@ -155,6 +167,11 @@ class ScanSourceNode(RingNode):
                 self.counters["resent"] += 1
                 sent.sent_at = now
                 self._detections.publish(sent.message)
+        for sent in self._said.values():
+            if now - sent.sent_at > self.parameters.resend_period_s:
+                self.counters["statement_resent"] += 1
+                sent.sent_at = now
+                self._statements.publish(sent.message)
         if self._initial is not None and now - self._initial[2] > self.parameters.resend_period_s:
             self._initial = (*self._initial[:2], now)
             self._initial_tracks.publish(self._initial[1])
@@ -162,8 +179,13 @@ class ScanSourceNode(RingNode):
 
     def _matched(self) -> bool:
         """Whether both directions to the track manager are up."""
+        heard = not self._speaks or (
+            self._statements.get_subscription_count() > 0
+            and self.count_publishers("statement_reports") > 0
+        )
         return (
-            self._detections.get_subscription_count() > 0
+            heard
+            and self._detections.get_subscription_count() > 0
             and self.count_publishers("scan_reports") > 0
         )
 
@@ -182,7 +204,23 @@ class ScanSourceNode(RingNode):
                 continue
             if len(self._waiting) >= self.parameters.credits or not self._due(play):
                 return
+            if not self._say(play):
+                return
             self._send(play)
+
+    def _say(self, play: Playback) -> bool:
+        """Say what comes before the next scan; return whether all of it has been answered."""
+        if self._said_until < self._position:
+            statements = play.said_before(self._position)
+            if statements and self._waiting:
+                return False
+            self._said_until = self._position
+            for statement in statements:
+                message = statement_to_message(statement)
+                identity = (statement.source, statement.sequence)
+                self._said[identity] = _Sent(message, self.seconds())
+                self._statements.publish(message)
+        return not self._said
 
     def _due(self, play: Playback) -> bool:
         rate = self.parameters.rate
@@ -197,7 +235,7 @@ class ScanSourceNode(RingNode):
             self._stop("", 0)
             return False
         self._play = self._plays.popleft()
-        self._position = 0
+        self._position, self._said_until = 0, -1
         self._play_started = self.seconds()
         if self._play.initial is not None:
             # A fresh identity: the tracker starts anew even if the same tracks are played again.
@@ -234,6 +272,12 @@ class ScanSourceNode(RingNode):
             return
         self._reported.setdefault(key, report)
         self._answer(key)
+
+    def _on_statement_report(self, message: Any) -> None:
+        report = statement_report_from_message(message)
+        if self._said.pop((report.source, report.sequence), None) is not None:
+            self.progress.statement_reports.append(report)
+            self._fill()
 
     def _on_tracks(self, message: Any) -> None:
         tracks = tracks_from_message(message)

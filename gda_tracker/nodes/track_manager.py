@@ -23,6 +23,8 @@ from gda_tracker.io.messages import (
     scan_report_to_message,
     scan_to_message,
     stamp_from_time,
+    statement_from_message,
+    statement_report_to_message,
     tracks_from_message,
 )
 from gda_tracker.io.track_cdr import tracks_to_cdr
@@ -33,6 +35,7 @@ from gda_tracker.tracking import checkpoint
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
+from gda_tracker.vocabulary.statements import StatementReport
 from gda_tracker.vocabulary.tracks import Tracks
 
 LONGEST_RETRY_S = 30.0
@@ -40,7 +43,7 @@ WATCHDOG_PERIOD_S = 0.25
 
 
 class TrackManagerNode(RingNode):
-    """``detections`` and the stages' answers in, ``scans``, ``predictions``, ``tracks`` out.
+    """``detections``, ``statements`` and answers in, ``scans``, ``predictions``, ``tracks`` out.
 
     Under ``mht`` also ``tracks_delayed``: the tracks of N scans ago with their revised past.
     """
@@ -85,6 +88,7 @@ class TrackManagerNode(RingNode):
         self._tracks = self.advertise(msg.TrackArray, "tracks", stream())
         self._delayed = self.advertise(msg.TrackArray, "tracks_delayed", stream())
         self._reports = self.advertise(msg.ScanReport, "scan_reports", stream())
+        self._statement_reports = self.advertise(msg.StatementReport, "statement_reports", stream())
         for topic, message, read in (
             ("evidence", msg.Evidence, evidence_from_message),
             ("attribute_scores", msg.AttributeScores, attribute_scores_from_message),
@@ -97,6 +101,7 @@ class TrackManagerNode(RingNode):
                 latched(),
             )
         self.subscribe(msg.TrackArray, "initial_tracks", self._on_initial_tracks, latched())
+        self.subscribe(msg.Statement, "statements", self._on_statement, stream(p.statements_depth))
         self.subscribe(
             msg.DetectionArray,
             "detections",
@@ -145,6 +150,24 @@ class TrackManagerNode(RingNode):
                 throttle_duration_sec=5.0,
             )
         self._report(report)
+
+    def _on_statement(self, message: msg.Statement) -> None:
+        try:
+            report = self.manager.tell(statement_from_message(message))
+        except MessageError as error:
+            self.drop("statement_rejected_malformed", str(error))
+            report = StatementReport(
+                message.source, message.sequence, 0, "rejected", reason="malformed"
+            )
+        if report.outcome == "admitted":
+            # Before the answer: what was admitted outlives the node.
+            self._save()
+        else:
+            self.get_logger().warning(
+                f"statement {report.sequence} of {report.source} rejected: {report.reason}",
+                throttle_duration_sec=5.0,
+            )
+        self._statement_reports.publish(statement_report_to_message(report))
 
     def _count_gap(self, sensor_id: str, sequence: int) -> None:
         """Count scans that the source numbered and that never came."""
@@ -321,6 +344,7 @@ class TrackManagerNode(RingNode):
             "hypotheses": len(state.table),
             "scans_closed": state.scans_closed,
             "queue_length": self.manager.waiting,
+            "statements_waiting": len(state.desk.waiting),
             "latency_ms": round(1e3 * self._latency_s, 3),
             "decision": self.manager.parameters.decision,
             "attribute_term": self.manager.parameters.attribute_term,

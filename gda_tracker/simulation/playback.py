@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from gda_tracker.simulation.scenarios import Scenario
@@ -13,6 +13,7 @@ from gda_tracker.tracking.methods import parse_method
 from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary.recordings import Recording
 from gda_tracker.vocabulary.scans import Detections, ScanTruth
+from gda_tracker.vocabulary.statements import Statement
 from gda_tracker.vocabulary.tracks import Tracks
 
 # Runs that are played one after the other keep their stamps apart.
@@ -21,17 +22,30 @@ RUN_SPACING_NS = 100_000 * 1_000_000_000
 
 @dataclass(slots=True)
 class Playback:
-    """One run: scans in order; truth per scan and labelled tracks to start from, or ``None``."""
+    """One run: scans in order; truth per scan and labelled tracks to start from, or ``None``.
+
+    ``statements`` are said on the way, each with the number of scans before it, in this order.
+    """
 
     name: str
     detections: list[Detections]
     truth: list[ScanTruth] | None = None
     initial: Tracks | None = None
+    statements: list[tuple[int, Statement]] = field(default_factory=list)
+
+    def said_before(self, position: int) -> list[Statement]:
+        """Statements that are said right before the scan at a position."""
+        return [statement for number, statement in self.statements if number == position]
 
 
 def of_recording(recording: Recording) -> Playback:
     """Play a recording as it is; the tracker starts its tracks itself."""
-    return Playback(recording.name, recording.detections, recording.truth)
+    return Playback(
+        recording.name,
+        recording.detections,
+        recording.truth,
+        statements=recording.statements,
+    )
 
 
 def with_method(

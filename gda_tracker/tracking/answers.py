@@ -47,6 +47,9 @@ def check_answers(
     ):
         raise Inconsistent("attribute scores: pair list differs from the associations'")
     _check_beliefs("attribute scores", scores, len(scores.hypothesis))
+    updated = scores.updated_hypothesis
+    if len(updated) and not (0 <= updated.min() and updated.max() < n_hypotheses):
+        raise Inconsistent("attribute scores: updated hypothesis out of range")
     if evidence is not None and (scores.frame, scores.class_names) != (
         evidence.frame,
         evidence.class_names,
@@ -98,7 +101,9 @@ def _check_beliefs(name: str, answer: Evidence | AttributeScores, rows: int) -> 
             raise Inconsistent(f"{name}: {part} is not finite")
     if isinstance(answer, Evidence):
         _check_evidence_rows(answer, rows)
-    elif answer.conflict.shape != (rows,):
+        return
+    _check_updated(name, answer)
+    if answer.conflict.shape != (rows,):
         raise Inconsistent(
             f"{name}: conflict has shape {answer.conflict.shape}, expected ({rows},)"
         )
@@ -115,3 +120,18 @@ def _check_evidence_rows(evidence: Evidence, rows: int) -> None:
     # Minus infinity is an answer: the class never gives such a detection.
     if not (likelihood < np.inf).all():
         raise Inconsistent("evidence: log_class_likelihood is not a number below infinity")
+
+
+def _check_updated(name: str, scores: AttributeScores) -> None:
+    """Check the histories that statements have changed, (U, E) and (U, C)."""
+    count = len(scores.updated_hypothesis)
+    for part, values, columns in (
+        ("updated_masses", scores.updated_masses, len(scores.focal)),
+        ("updated_class_probability", scores.updated_class_probability, len(scores.class_names)),
+    ):
+        if count and values.shape != (count, columns):
+            raise Inconsistent(
+                f"{name}: {part} has shape {values.shape}, expected is ({count}, {columns})"
+            )
+        if not np.isfinite(values).all():
+            raise Inconsistent(f"{name}: {part} is not finite")

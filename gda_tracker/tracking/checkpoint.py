@@ -2,7 +2,7 @@
 
 The file holds no code and no pickles::
 
-    text      "gda_tracker checkpoint 3" and a line feed
+    text      "gda_tracker checkpoint 4" and a line feed
     8 bytes   length of the header, unsigned, little-endian
     header    JSON in UTF-8: {"rest": {...}, "arrays": [[name, dtype, shape], ...]}
     arrays    their bytes one after the other, row-major
@@ -31,9 +31,10 @@ from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.manager_state import ManagerState
 from gda_tracker.tracking.mht.generations import Generation
+from gda_tracker.tracking.statement_desk import desk_from_plain, desk_to_plain
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 
-MAGIC = b"gda_tracker checkpoint 3\n"
+MAGIC = b"gda_tracker checkpoint 4\n"
 _LENGTH = struct.Struct("<Q")
 _CHECKSUM = struct.Struct("<I")
 _TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal")
@@ -146,6 +147,7 @@ def _rest(manager: TrackManager) -> dict[str, Any]:
         "last_key": None if state.last_key is None else state.last_key[1:],
         "last_report": report,
         "initialised_from": origin,
+        "statements": desk_to_plain(state.desk),
         "counters": manager.counters,
     }
 
@@ -199,6 +201,7 @@ def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> M
         deleted_track_id=arrays["deleted_track_id"],
         initialised_from=None if origin is None else (bytes.fromhex(origin[0]), origin[1]),
         generations=generations,
+        desk=desk_from_plain(rest["statements"]),
     )
 
 

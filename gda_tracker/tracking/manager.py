@@ -3,6 +3,7 @@
 One scan is open at a time::
 
     manager.admit(detections)            # validated, queued
+    manager.tell(statement)              # validated, waits for the next scan
     opened = manager.open()              # scan and predictions, for the other stages
     manager.close(evidence, scores, associations)   # tracks and report
 
@@ -46,12 +47,20 @@ from gda_tracker.tracking.state_update import (
     update_beliefs,
     update_states,
 )
+from gda_tracker.tracking.statement_desk import DeskLimits, StatementDesk
+from gda_tracker.tracking.statement_door import StatementRejected, validate_statement
+from gda_tracker.tracking.statement_update import (
+    heard_rows,
+    update_heard_beliefs,
+    update_heard_states,
+)
 from gda_tracker.tracking.track_output import tracks_of
 from gda_tracker.tracking.waiting_room import ReorderWindow, WaitingRoom
 from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
 from gda_tracker.vocabulary.scans import Detections, Scan, ScanKey, ScanReport
+from gda_tracker.vocabulary.statements import Statement, StatementReport
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
 
@@ -136,6 +145,35 @@ class TrackManager:
         self._room.put(scan, generation, now, received(detections), counts)
         return None
 
+    def tell(self, statement: Statement) -> StatementReport:
+        """Take a statement in for the next scan that is opened and not older than it."""
+        p, state = self.parameters, self.state
+        table = state.table if self.opened is None else self.opened.table
+        reason = ""
+        try:
+            statement = validate_statement(statement, p.tracking_frame)
+            state.desk = state.desk.admit(
+                statement, self._room.newest_ns, table.track_id.tolist(), self._desk_limits
+            )
+        except StatementRejected as rejection:
+            reason = str(rejection)
+        outcome = "rejected" if reason else "admitted"
+        self.counters[f"statement_{outcome}" + (f"_{reason}" if reason else "")] += 1
+        return StatementReport(
+            statement.source,
+            statement.sequence,
+            statement.stamp_ns,
+            outcome,
+            reason,
+            len(state.desk.waiting),
+        )
+
+    @property
+    def _desk_limits(self) -> DeskLimits:
+        p = self.parameters
+        age_ns = round(p.statement_max_age_s * 1e9)
+        return DeskLimits(p.max_statements, age_ns, round(p.statement_max_ahead_s * 1e9))
+
     @property
     def waiting(self) -> int:
         """Number of scans that wait."""
@@ -198,6 +236,8 @@ class TrackManager:
             last_sensors=(initial.key.sensor_id,),
             initialised_from=identity,
             scans_closed=state.scans_closed,
+            # Like scans, statements may have waited for the first tracks.
+            desk=state.desk if state.initialised_from is None else StatementDesk(),
         )
         waiting, self._room, self._generation = self._room, WaitingRoom(), 0
         self._room.begin(initial.key.stamp_ns, self.state.last_sensors)
@@ -237,12 +277,16 @@ class TrackManager:
         if waiting.generation != self._generation or dt_s > p.max_gap_s:
             reason = "time_jump" if waiting.generation != self._generation else "gap"
             self.counters[f"reset_{reason}"] += 1
+            if reason == "time_jump":
+                state.desk = state.desk.forget()
             self._generation = waiting.generation
             ended_ids, started, dt_s = table.track_id[table.chosen], True, 0.0
             table = table.select(np.zeros(len(table), dtype=bool))
         table = fit(table, p.mht_scans if p.decision == "mht" else 0)
         table = with_window(predict_states(table, dt_s, p), p.window_rows)
         density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
+        if state.desk.waiting:
+            scan = self._with_statements(scan, table)
         self.opened = OpenScan(
             scan,
             predictions_of(scan.key, table, p, density),
@@ -255,6 +299,14 @@ class TrackManager:
             density,
         )
         return self.opened
+
+    def _with_statements(self, scan: Scan, table: HypothesisTable) -> Scan:
+        """Return the scan with the statements that are due."""
+        state, stamp_ns = self.state, scan.key.stamp_ns
+        state.desk = state.desk.clear_up(
+            stamp_ns, table.track_id.tolist(), self._desk_limits, self.counters
+        )
+        return replace(scan, statements=state.desk.due(stamp_ns))
 
     def close(
         self,
@@ -290,6 +342,11 @@ class TrackManager:
         if associations.degraded:
             scores = None
         if associations.decision == JPDA:
+            if scores is not None:
+                every = np.arange(len(scores.updated_hypothesis))
+                update_heard_beliefs(
+                    table, scores, scores.updated_hypothesis.astype(np.int64), every
+                )
             update_by_marginals(
                 table, opened.scan, scores, associations, self.parameters.use_range_rate
             )
@@ -297,6 +354,13 @@ class TrackManager:
             update_states(table, opened.scan, assigned, self.parameters.use_range_rate)
             if scores is not None:
                 update_beliefs(table, scores, associations.chosen)
+                update_heard_beliefs(
+                    table, scores, *heard_rows(scores, np.arange(len(table)), assigned < 0)
+                )
+        if opened.scan.statements:
+            update_heard_states(
+                table, opened.table, opened.scan.statements, with_classes=scores is not None
+            )
         if scores is not None and evidence is not None:
             taken = np.flatnonzero(associations.chosen)
             remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])
@@ -427,6 +491,8 @@ class TrackManager:
             state.generations = []
         state.table, state.points = table, points
         state.next_detection_number += len(opened.scan)
+        if outcome != "gave_up":
+            state.desk = state.desk.without(opened.scan.statements)
         key = opened.scan.key
         others = state.last_sensors if key.stamp_ns == state.last_ns else ()
         state.last_sensors = (*others, key.sensor_id)

@@ -11,6 +11,7 @@ from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.mht.generations import Generation
+from gda_tracker.tracking.statement_desk import StatementDesk
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.hypotheses import Predictions
 from gda_tracker.vocabulary.scans import Scan, ScanKey, ScanReport
@@ -33,7 +34,7 @@ class OpenScan:
 
 @dataclass(slots=True)
 class ManagerState:
-    """What a restart needs: hypotheses, start points, ids, the last closed scan.
+    """What a restart needs: hypotheses, start points, ids, the last closed scan, statements.
 
     ``generations`` are the trees of the scans before the last closed one, oldest first; there are
     none but under ``mht``.
@@ -54,3 +55,4 @@ class ManagerState:
     scans_closed: int = 0
     clutter: ClutterMap = field(default_factory=ClutterMap)
     generations: list[Generation] = field(default_factory=list)
+    desk: StatementDesk = field(default_factory=StatementDesk)

@@ -311,6 +311,31 @@ class TrackManagerParameters:
         minimum=0.0,
         advanced=True,
     )
+    statement_max_age_s: float = parameter(
+        60.0,
+        "a statement older than the newest scan by more is rejected",
+        unit="s",
+        minimum=0.0,
+        advanced=True,
+    )
+    statement_max_ahead_s: float = parameter(
+        60.0,
+        "a statement ahead of the newest scan by more is rejected; by less, it waits for its time",
+        unit="s",
+        minimum=0.0,
+        advanced=True,
+    )
+    max_statements: int = parameter(
+        20, "statements that may wait for a scan", minimum=1, maximum=1000, advanced=True
+    )
+    statements_depth: int = parameter(
+        100,
+        "history depth of the statements subscription",
+        minimum=1,
+        maximum=10_000,
+        live=False,
+        advanced=True,
+    )
     queue_depth: int = parameter(
         100, "scans that may wait", minimum=1, maximum=10_000, live=False, advanced=True
     )

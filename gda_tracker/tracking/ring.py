@@ -23,6 +23,7 @@ from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations, Predictions
 from gda_tracker.vocabulary.scans import Detections, Scan, ScanReport
+from gda_tracker.vocabulary.statements import Statement, StatementReport
 from gda_tracker.vocabulary.tracks import Tracks
 
 STAGE_TABLES: dict[str, type] = {
@@ -109,6 +110,10 @@ class Ring:
         """Start from labelled tracks."""
         return self.manager.initialise(initial)
 
+    def say(self, statement: Statement) -> StatementReport:
+        """Take in a statement; the next scan that is not older uses it."""
+        return self.manager.tell(statement)
+
     def prepare(self, detections: Detections) -> Prepared:
         """Do what depends on the parameters alone, for several rings to use.
 
@@ -167,9 +172,12 @@ class Ring:
     def _once_round(self, prepared: Evidence | None) -> RingResult:
         opened = self.manager.open()
         scan, predictions = opened.scan, opened.predictions
-        evidence = prepared or self.fuzzifier(scan)
+        # What was prepared knows of no statements.
+        evidence = self.fuzzifier(scan) if prepared is None or scan.statements else prepared
         pairs = gate(scan, predictions)
-        scores = self.fusion(predictions, evidence, pairs.hypothesis, pairs.detection)
+        scores = self.fusion(
+            predictions, evidence, pairs.hypothesis, pairs.detection, scan.statements
+        )
         associations = self.associate(scan, predictions, scores, pairs)
         tracks, report = self.manager.close(evidence, scores, associations, trusted=True)
         delayed = tuple(self.manager.delayed)

@@ -9,6 +9,12 @@ from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations, AssociationSettings, Predictions
 from gda_tracker.vocabulary.recordings import Recording
 from gda_tracker.vocabulary.scans import Detections, Scan, ScanKey, ScanReport, ScanTruth
+from gda_tracker.vocabulary.statements import (
+    Statement,
+    StatementPiece,
+    StatementRegion,
+    StatementReport,
+)
 from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE, Tracks
 
 __all__ = [
@@ -25,5 +31,9 @@ __all__ = [
     "ScanKey",
     "ScanReport",
     "ScanTruth",
+    "Statement",
+    "StatementPiece",
+    "StatementRegion",
+    "StatementReport",
     "Tracks",
 ]

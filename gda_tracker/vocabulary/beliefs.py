@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, MaskArray
+import numpy as np
+
+from gda_tracker.vocabulary.arrays import (
+    BoolArray,
+    FloatArray,
+    Int32Array,
+    MaskArray,
+    empty_floats,
+)
 from gda_tracker.vocabulary.scans import ScanKey
 
 
@@ -39,7 +47,9 @@ class AttributeScores:
     ``distance`` (P,) is the term's distance of history and candidate history (meaningful if
     ``has_distance``), ``log_likelihood`` (P,) log sum_c P(c | history) f(attribute | c),
     ``clutter_log_likelihood`` (n,) log f(attribute | false alarm). ``masses`` (P, E) over ``focal``
-    and ``class_probability`` (P, C) are the candidate beliefs.
+    and ``class_probability`` (P, C) are the candidate beliefs. Statements have changed the
+    histories of the hypotheses ``updated_hypothesis`` (U,): ``updated_masses`` (U, E) and
+    ``updated_class_probability`` (U, C) are what they are without a detection too.
     """
 
     key: ScanKey
@@ -57,3 +67,6 @@ class AttributeScores:
     masses: FloatArray
     class_names: tuple[str, ...]
     class_probability: FloatArray
+    updated_hypothesis: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    updated_masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    updated_class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gda_tracker.vocabulary.scans import Detections, ScanTruth
+from gda_tracker.vocabulary.statements import Statement
 
 
 @dataclass(slots=True)
@@ -15,7 +16,8 @@ class Recording:
 
     ``truth`` is ``None`` or has one entry per scan. ``preset`` gives, per node name, the parameters
     that suit the sensor; ``preset_name`` says where they come from. ``origin`` is a line about the
-    source with licence and citation.
+    source with licence and citation. ``statements`` were made during the experiment, each
+    with the number of scans that came before it, in this order.
     """
 
     name: str
@@ -25,3 +27,4 @@ class Recording:
     preset: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     origin: str = ""
     warnings: list[str] = field(default_factory=list)
+    statements: list[tuple[int, Statement]] = field(default_factory=list)

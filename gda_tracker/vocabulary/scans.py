@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, empty_floats
+from gda_tracker.vocabulary.statements import Statement
 
 IDENTITY_QUATERNION = (0.0, 0.0, 0.0, 1.0)
 
@@ -63,7 +64,7 @@ class Scan:
     ``noise_covariance`` is (n, d, d) over range, azimuth[, elevation][, range rate].
     ``source_index`` (n,) is the row of each detection in the source's ``Detections``.
     ``attribute_values`` (A, n), 0 where unknown, and ``attribute_valid`` (A, n) are there where
-    ``attribute_names`` (A) names any.
+    ``attribute_names`` (A) names any. ``statements`` were admitted since the last scan.
     """
 
     key: ScanKey
@@ -82,6 +83,7 @@ class Scan:
     attribute_names: tuple[str, ...] = ()
     attribute_values: FloatArray | None = None
     attribute_valid: BoolArray | None = None
+    statements: tuple[Statement, ...] = ()
 
     def __len__(self) -> int:
         return len(self.range_m)

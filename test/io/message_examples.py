@@ -17,6 +17,10 @@ from gda_tracker.vocabulary import (
     ScanKey,
     ScanReport,
     ScanTruth,
+    Statement,
+    StatementPiece,
+    StatementRegion,
+    StatementReport,
     Tracks,
 )
 
@@ -51,6 +55,39 @@ def assert_identical(actual: object, expected: object) -> None:
         else:
             assert type(left) is type(right), item.name
             assert left == right, item.name
+
+
+def statement_region(shape: str = "sector") -> StatementRegion:
+    """Return a region with every field set."""
+    hard = tuple(HARD[1:].tolist())  # without NaN, which is equal to nothing
+    return StatementRegion(shape, hard[:2], hard[1:5], hard[2:4], (), hard, *hard[:4])
+
+
+def statement_piece(count: int = 2) -> StatementPiece:
+    """Return a piece with so many classes."""
+    grades = tuple(HARD[1 : 1 + count].tolist())
+    return StatementPiece(statement_region(), CLASSES[:count], grades, 1.0 / 3.0)
+
+
+def statement(pieces: int = 3) -> Statement:
+    """Return a statement with every field set."""
+    return Statement(
+        source="Ausguck",
+        sequence=2**64 - 1,
+        stamp_ns=KEY.stamp_ns,
+        kind="fds",
+        about="track",
+        pieces=tuple(statement_piece(count) for count in range(pieces)),
+        track_id=-(2**63),
+        reliability=1.0 / 3.0,
+        rule="classes_imply_region",
+        frame_id="map",
+    )
+
+
+def statement_report() -> StatementReport:
+    """Return a report with every field set."""
+    return StatementReport("Ausguck", 2**64 - 1, KEY.stamp_ns, "rejected", "too_old", 2**32 - 1)
 
 
 def detections(count: int = 7, full: bool = True) -> Detections:
@@ -92,6 +129,7 @@ def scan(count: int = 7, full: bool = True) -> Scan:
         "attribute_names": ("length_m", "esm_class", "länge"),
         "attribute_values": floats(3, count, seed=8),
         "attribute_valid": np.arange(3 * count).reshape(3, count) % 2 == 1,
+        "statements": (statement(), statement(0)),
     }
     size = 4 if full else 2
     return Scan(
@@ -165,7 +203,9 @@ def predictions(
     )
 
 
-def attribute_scores(pairs: int = 11, detections: int = 7, focal: int = 19) -> AttributeScores:
+def attribute_scores(
+    pairs: int = 11, detections: int = 7, focal: int = 19, updated: int = 0
+) -> AttributeScores:
     """Return candidate beliefs of gated pairs."""
     return AttributeScores(
         key=KEY,
@@ -183,6 +223,9 @@ def attribute_scores(pairs: int = 11, detections: int = 7, focal: int = 19) -> A
         masses=floats(pairs, focal, seed=5),
         class_names=CLASSES,
         class_probability=floats(pairs, len(CLASSES), seed=6),
+        updated_hypothesis=np.arange(updated, dtype=np.int32),
+        updated_masses=floats(updated, focal, seed=7),
+        updated_class_probability=floats(updated, len(CLASSES), seed=8),
     )
 
 

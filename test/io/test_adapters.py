@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import json
 import math
@@ -326,6 +327,21 @@ def test_a_simulated_recording_survives_a_bag_exactly(tmp_path):
     read = load_recording(tmp_path / "bag", "bag")
     assert_same_recording(read, recording)
     assert (read.preset_name, read.preset) == ("default", {})
+
+
+def test_statements_keep_their_place_among_the_scans(tmp_path):
+    recording = load_recording(EXCERPT, "autoferry")
+    base = examples.statement()
+    recording.statements = [
+        (position, dataclasses.replace(base, sequence=number))
+        for number, position in enumerate((0, 2, 2, len(recording.detections) - 1), start=1)
+    ]
+    # One that comes again is taken once.
+    again = [*recording.statements, recording.statements[0]]
+    write_recording(tmp_path / "bag", dataclasses.replace(recording, statements=again))
+    read = load_recording(tmp_path / "bag", "bag")
+    assert read.statements == recording.statements
+    assert_same_detections(read, recording)
 
 
 def bag_of_detections(path: Path, scans, topic: str = "/radar/detections") -> None:

@@ -48,9 +48,12 @@ ROUND_TRIPS = {
             examples.attribute_scores(),
             examples.attribute_scores(0, 0),
             examples.attribute_scores(2, 1, 0),
+            examples.attribute_scores(updated=3),
         ],
     ),
     "associations": ("associations", [examples.associations(), examples.associations(0, 0, 0)]),
+    "statement": ("statement", [examples.statement(), examples.statement(0)]),
+    "statement_report": ("statement_report", [examples.statement_report()]),
     "tracks": ("tracks", [examples.tracks(), examples.tracks(0)]),
     "scan_report": ("scan_report", [examples.scan_report()]),
     "scan_truth": (
@@ -76,7 +79,13 @@ def test_round_trip_keeps_every_bit(name):
 def test_every_class_of_the_vocabulary_has_a_pair():
     import gda_tracker.vocabulary as vocabulary
 
-    inside = {"Recording", "AssociationSettings", "ScanKey"}
+    inside = {
+        "Recording",
+        "AssociationSettings",
+        "ScanKey",
+        "StatementPiece",
+        "StatementRegion",
+    }
     classes = [
         name
         for name in vocabulary.__all__
@@ -184,7 +193,7 @@ CUT = [
         "component_weight component_model component_mean component_covariance masses "
         "class_probability",
         "attribute_scores": "detection distance log_likelihood conflict informative masses "
-        "class_probability",
+        "class_probability updated_hypothesis updated_masses updated_class_probability",
         "associations": "detection mahalanobis_squared kinematic_log_likelihood "
         "attribute_log_likelihood p_kinematic p_attribute p_generalised joint_marginal chosen "
         "cluster cluster_converged",
@@ -197,7 +206,8 @@ CUT = [
 
 @pytest.mark.parametrize(("stem", "field"), CUT)
 def test_a_field_that_lacks_an_element_is_refused(stem, field):
-    message = getattr(messages, f"{stem}_to_message")(getattr(examples, stem)())
+    filled = {"updated": 2} if field.startswith("updated") else {}
+    message = getattr(messages, f"{stem}_to_message")(getattr(examples, stem)(**filled))
     setattr(message, field, getattr(message, field)[:-1])
     with pytest.raises(MessageError, match=r"elements|component_start"):
         getattr(messages, f"{stem}_from_message")(message)
@@ -252,6 +262,14 @@ def test_small_indices_that_do_not_fit_are_refused():
     associations.cluster_engine[0] = -1
     with pytest.raises(MessageError, match="cluster_engine holds -1"):
         messages.associations_to_message(associations)
+
+
+def test_a_statement_published_by_hand_has_defaults():
+    from gda_tracker_msgs.msg import Statement, StatementPiece
+
+    message = Statement(pieces=[StatementPiece()])
+    read = messages.statement_from_message(over_the_wire(message))
+    assert (read.reliability, read.pieces[0].mass) == (1.0, 1.0)
 
 
 def test_numbers_that_do_not_fit_are_refused():

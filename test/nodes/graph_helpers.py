@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from gda_tracker.simulation.playback import Playback, of_scenario, with_method
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import load_scenario
 from gda_tracker.tracking.ring import Ring
+from gda_tracker.vocabulary.statements import Statement, StatementPiece, StatementRegion
 from gda_tracker.vocabulary.tracks import Tracks
 
 TIMEOUT_S = 120.0
@@ -41,6 +43,45 @@ def scenario_plays(name: str, method: str, runs: int = 1, seed: int = 3):
     return of_scenario(scenario, runs, seed, method), with_method(tracker_preset(scenario), method)
 
 
+def with_statements(play: Playback, source: str = "pilot") -> Playback:
+    """Say something of every kind on the way, some of it refused."""
+    assert play.truth is not None
+    said = []
+    for position in range(2, len(play.detections)):
+        x, y = (float(value) for value in play.truth[position].target_state[0, :2])
+        around = StatementRegion("gaussian", centre_m=(x, y), covariance_m2=(9e4, 0.0, 0.0, 9e4))
+        box = StatementRegion("box", low_m=(x - 500.0, y - 400.0), high_m=(x + 300.0, y + 600.0))
+        seen = StatementRegion(
+            "sector", (x - 3e3, y - 3e3), first_bearing_rad=0.6, opening_rad=0.4, farthest_m=9e3
+        )
+        fighter = {"class_names": ("fighter", "cargo"), "class_grades": (0.9, 0.3)}
+        kind, about, *pieces = (
+            ("fuzzy", "place", StatementPiece(around, **fighter)),
+            ("region", "track", StatementPiece(box)),
+            ("fuzzy", "track", StatementPiece(**fighter)),
+            ("fds", "track", StatementPiece(seen, ("fighter",), (1.0,), 0.6),
+             StatementPiece(around, mass=0.4)),
+            ("rule", "place", StatementPiece(box, ("fighter",), (1.0,))),
+            ("fuzzy", "track", StatementPiece(around)),
+            ("region", "track", StatementPiece(box), "of an unknown track"),
+        )[position % 7]  # fmt: skip
+        unknown = isinstance(pieces[-1], str)
+        statement = Statement(
+            source,
+            position,
+            play.detections[position].stamp_ns - 10**8,
+            kind,
+            about,
+            tuple(piece for piece in pieces if not isinstance(piece, str)),
+            track_id=10**6 if unknown else int(play.initial.track_id[position % 2]),
+            reliability=(1.0, 0.7)[position % 2],
+            rule="region_implies_classes" if kind == "rule" else "",
+            frame_id="map",
+        )
+        said.append((position, statement))
+    return replace(play, statements=said)
+
+
 def offline(plays: list[Playback], parameters: Mapping) -> dict[tuple[str, int], Tracks]:
     """Tracks of the offline ring, by sensor and stamp."""
     ring = Ring(parameters)
@@ -48,7 +89,9 @@ def offline(plays: list[Playback], parameters: Mapping) -> dict[tuple[str, int],
     for play in plays:
         if play.initial is not None:
             assert ring.initialise(play.initial).outcome == "initialised"
-        for detections in play.detections:
+        for position, detections in enumerate(play.detections):
+            for statement in play.said_before(position):
+                ring.say(statement)
             found[(detections.sensor_id, detections.stamp_ns)] = ring.process(detections).tracks
     return found
 

@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from gda_tracker_msgs import msg
-from graph_helpers import TIMEOUT_S, differences, offline, scenario_plays
+from graph_helpers import (
+    TIMEOUT_S,
+    differences,
+    offline,
+    scenario_plays,
+    with_statements,
+)
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -19,6 +25,8 @@ from rclpy.parameter import Parameter
 from gda_tracker.io.messages import (
     detections_to_message,
     scan_report_from_message,
+    statement_report_from_message,
+    statement_to_message,
     tracks_from_message,
     tracks_to_message,
 )
@@ -36,7 +44,12 @@ class Client(Node):
         super().__init__("client", **options)
         self.detections = self.create_publisher(msg.DetectionArray, "detections", stream())
         self.initial = self.create_publisher(msg.TrackArray, "initial_tracks", latched())
+        self.statements = self.create_publisher(msg.Statement, "statements", stream())
         self.reports, self.tracks, self.diagnostics = [], {}, {}
+        self.heard = []
+        self.create_subscription(
+            msg.StatementReport, "statement_reports", self._statement_report, stream()
+        )
         self.create_subscription(msg.ScanReport, "scan_reports", self._report, stream())
         self.create_subscription(msg.TrackArray, "tracks", self._tracks, stream())
         self.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, stream())
@@ -46,6 +59,9 @@ class Client(Node):
 
     def _report(self, message):
         self.reports.append(scan_report_from_message(message))
+
+    def _statement_report(self, message):
+        self.heard.append(statement_report_from_message(message))
 
     def _tracks(self, message):
         tracks = tracks_from_message(message)
@@ -80,6 +96,8 @@ class Bench:
                 self.client.detections.get_subscription_count() > 0
                 and self.client.count_publishers("scan_reports") > 0
                 and self.client.count_publishers("tracks") > 0
+                and self.client.statements.get_subscription_count() > 0
+                and self.client.count_publishers("statement_reports") > 0
             )
         )
         return self
@@ -98,6 +116,15 @@ class Bench:
         self.client.detections.publish(message)
         self.until(lambda: len(self.client.reports) > count)
         return self.client.reports[-1]
+
+    def say(self, message):
+        """Publish a statement, wait for the answer, return it."""
+        count = len(self.client.heard)
+        if not isinstance(message, msg.Statement):
+            message = statement_to_message(message)
+        self.client.statements.publish(message)
+        self.until(lambda: len(self.client.heard) > count)
+        return self.client.heard[-1]
 
     def initialise(self, tracks):
         """Send labelled tracks and wait until they are taken."""
@@ -160,6 +187,87 @@ def test_rejected_scans_change_nothing(domain, crossing):
         for reason in reasons:
             assert bench.manager.counters[f"rejected_{reason}"] >= 3
         bench.until(lambda: bench.client.value("track_manager", "rejected_late") is not None)
+
+
+def broken_time():
+    message = msg.Statement(source="pilot", sequence=1)
+    message.header.stamp.sec = -5
+    return message
+
+
+def test_refused_statements_change_nothing(domain, crossing):
+    """Between the scans broken and unfit statements are sent; all are answered, none is used."""
+    play, parameters, expected = crossing
+    parameters["track_manager"]["max_statements"] = 2
+    said = [statement for _, statement in with_statements(play).statements]
+    good = next(s for s in said if (s.kind, s.about) == ("fuzzy", "place"))
+    near, now = good.pieces[0], play.detections[15].stamp_ns
+    refused = {
+        "malformed": broken_time(),
+        "missing_source": msg.Statement(),
+        "missing_sequence": replace(good, sequence=0),
+        "unknown_frame": replace(good, frame_id="odom"),
+        "unknown_kind": replace(good, kind="rumour"),
+        "unknown_track": replace(good, about="track", track_id=999, stamp_ns=now),
+        "not_finite": replace(good, reliability=np.nan),
+        "bad_grades": replace(good, pieces=(replace(near, class_grades=(2.0, 0.0)),)),
+        "wrong_number_of_pieces": replace(good, pieces=(near,) * 40),
+        "place_without_classes": replace(
+            good, pieces=(replace(near, class_names=(), class_grades=()),)
+        ),
+        "too_old": replace(good, stamp_ns=now - 61 * 10**9),
+        "too_far_ahead": replace(good, stamp_ns=now + 200 * 10**9),
+    }
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        for position, detections in enumerate(play.detections):
+            assert bench.send(detections).outcome == "tracked"
+            if position == 15:
+                for reason, message in refused.items():
+                    report = bench.say(message)
+                    assert (report.outcome, report.reason) == ("rejected", reason)
+                # Those of a later time wait, up to the bound; here it never comes.
+                for sequence, reason in enumerate(["", "", "queue_full", "queue_full"], 1):
+                    later = replace(good, sequence=sequence, stamp_ns=now + 59 * 10**9)
+                    assert bench.say(later).reason == reason
+                assert bench.say(replace(good, sequence=1)).reason == "duplicate"
+        bench.until(lambda: len(bench.client.tracks) == len(play.detections))
+        assert differences(bench.client.tracks, expected) == []
+        assert len(bench.manager.manager.state.desk.waiting) == 2
+        counters = bench.manager.counters
+        assert all(counters[f"statement_rejected_{reason}"] == 1 for reason in refused)
+        bench.until(
+            lambda: bench.client.value("track_manager", "statement_rejected_queue_full") == "2"
+        )
+
+
+def test_somebody_says_something(domain, crossing, environment, tmp_path):
+    """The command speaks to the ring that runs, takes its time from it, and hears the answer."""
+    play, parameters, _ = crossing
+    path = tmp_path / "statements.yaml"
+    path.write_text(
+        "source: pilot\nkind: fuzzy\nabout: track\ntrack_id: 1\n"
+        "pieces: [{classes: {fighter: 1.0}}]\n---\n"
+        "source: pilot\nkind: fuzzy\nabout: track\ntrack_id: 77\n"
+        "pieces: [{classes: {fighter: 1.0}}]\n"
+    )
+    command = [sys.executable, "-m", "gda_tracker.cli", "say", str(path)]
+    with Bench(domain, parameters) as bench:
+        bench.initialise(play.initial)
+        assert bench.send(play.detections[0]).outcome == "tracked"
+        process = subprocess.Popen(
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        bench.until(lambda: process.poll() is not None)
+        out, err = process.communicate()
+        assert process.returncode == 1, err
+        first, second = out.splitlines()
+        assert "admitted" in first
+        assert "rejected, unknown_track: no track with this track_id lives" in second
+        (waiting,) = bench.manager.manager.state.desk.waiting
+        assert waiting.stamp_ns == play.detections[0].stamp_ns
+        bench.send(play.detections[1])
+        assert bench.manager.manager.state.desk.waiting == ()
 
 
 def test_broken_detections_are_left_out_and_the_rest_is_tracked(domain, crossing):

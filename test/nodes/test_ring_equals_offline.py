@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,13 +15,18 @@ from graph_helpers import (
     play_in_one_process,
     play_in_processes,
     scenario_plays,
+    with_statements,
 )
 from rclpy.parameter import Parameter
 
+from gda_tracker.io.adapters import load_recording
+from gda_tracker.io.bags import read_bag
+from gda_tracker.io.messages import scan_from_message
+from gda_tracker.nodes.recorder import RecorderNode
 from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses, stage_nodes
 from gda_tracker.nodes.scan_source import ScanSourceNode
 from gda_tracker.resources import resource
-from gda_tracker.simulation.playback import Playback
+from gda_tracker.simulation.playback import Playback, of_recording
 from gda_tracker.tracking.ring import Ring
 
 METHODS = (
@@ -170,6 +176,44 @@ def test_a_scan_that_nothing_newer_follows_waits_no_longer_than_the_timeout(doma
     assert differences(played.tracks, expected) == []
 
 
+def check_statements(plays, parameters, played):
+    """Same tracks as offline, not those of a silent ring; every statement answered."""
+    expected = offline(plays, parameters)
+    silent = offline([replace(play, statements=[]) for play in plays], parameters)
+    assert differences(played.tracks, expected) == []
+    assert differences(expected, silent)
+    reports = played.progress.statement_reports
+    said = [statement for play in plays for _, statement in play.statements]
+    assert [r.sequence for r in reports] == [s.sequence for s in said]
+    assert {r.reason for r in reports} == {"", "unknown_track"}
+    assert sum(r.outcome == "admitted" for r in reports) > 10
+
+
+@pytest.mark.parametrize("method", ["gda/dsm_classic/cv", "gda/none/cv", "map/bayes/cv"])
+def test_statements_in_one_process(method, domain):
+    plays, parameters = scenario_plays("crossing_targets", method)
+    plays = [with_statements(play) for play in plays]
+    check_statements(plays, parameters, play_in_one_process(plays, parameters, domain))
+
+
+def test_statements_are_recorded_and_played_again(environment, tmp_path):
+    """Four processes and a recorder; its bag gives the same tracks, and holds the statements."""
+    plays, parameters = scenario_plays("crossing_targets", "map/bayes/cv")
+    plays = [with_statements(play) for play in plays]
+    bag = tmp_path / "bag"
+    played = play_in_processes(
+        plays, parameters, environment, lambda **o: [RecorderNode({"bag": str(bag)}, **o)]
+    )
+    check_statements(plays, parameters, played)
+    recording = load_recording(bag, "bag")
+    assert recording.statements == plays[0].statements
+    scans = [scan_from_message(r.message()) for r in read_bag(bag, {"/scans"})]
+    used = [s for scan in scans for s in scan.statements]
+    assert len(used) == sum(r.outcome == "admitted" for r in played.progress.statement_reports)
+    again = replace(of_recording(recording), initial=plays[0].initial)
+    assert differences(offline([again], parameters), played.tracks) == []
+
+
 KILLS_PER_STAGE = 10
 
 
@@ -212,3 +256,27 @@ def test_killed_and_restarted(victim, without_shared_memory, tmp_path):
         played = play(nodes, source, ring)
     assert differences(played.tracks, expected) == []
     assert {r.outcome for r in played.reports} == {"tracked"}
+
+
+def test_a_track_manager_killed_among_statements(without_shared_memory, tmp_path):
+    """Restarted from its checkpoint it loses no statement and uses none twice."""
+    plays, parameters = scenario_plays("crossing_targets", "map/bayes/cv")
+    plays = [with_statements(play) for play in plays]
+    expected = offline(plays, parameters)
+    parameters["track_manager"]["checkpoint_path"] = str(tmp_path / "state")
+    environment = without_shared_memory
+    with (
+        RingProcesses(parameters, environment) as ring,
+        Nodes(
+            lambda **o: [ScanSourceNode({}, plays=plays, collect=True, **o)],
+            int(environment["ROS_DOMAIN_ID"]),
+        ) as nodes,
+    ):
+        source = nodes.nodes[0]
+        for moment in (4, 9, 14):
+            assert nodes.spin_until(lambda m=moment: source.progress.answered >= m, TIMEOUT_S)
+            ring.kill("track_manager")
+            ring.start("track_manager")
+        played = play(nodes, source, ring)
+    assert differences(played.tracks, expected) == []
+    assert len(played.progress.statement_reports) == len(plays[0].statements)

@@ -100,7 +100,9 @@ def answers(ring: Ring):
     opened = ring.manager.opened
     evidence = ring.fuzzifier(opened.scan)
     pairs = gate(opened.scan, opened.predictions)
-    scores = ring.fusion(opened.predictions, evidence, pairs.hypothesis, pairs.detection)
+    scores = ring.fusion(
+        opened.predictions, evidence, pairs.hypothesis, pairs.detection, opened.scan.statements
+    )
     return evidence, scores, ring.associate(opened.scan, opened.predictions, scores, pairs)
 
 

@@ -21,6 +21,8 @@ from gda_tracker.vocabulary.scans import Detections, ScanTruth
 
 DETECTIONS_TYPE = "gda_tracker_msgs/msg/DetectionArray"
 TRUTH_TYPE = "gda_tracker_msgs/msg/ScanTruth"
+STATEMENT_TYPE = "gda_tracker_msgs/msg/Statement"
+READ_TYPES = (DETECTIONS_TYPE, TRUTH_TYPE, STATEMENT_TYPE)
 MAGIC = (b"\x89MCAP0\r\n", b"SQLite format 3\x00")
 MAX_NAMED = 5  # messages left out that are named one by one
 
@@ -36,10 +38,10 @@ def recognises(path: Path) -> bool:
 
 
 def load(path: Path) -> Recording:
-    """Read the detections of a bag in the order they were recorded, and their truth.
+    """Read detections and statements in the order they were recorded, and their truth.
 
-    A scan that was sent again is taken once. A damaged bag is read as far as it goes; what was
-    wrong is in ``warnings`` of the result.
+    A scan or statement that was sent again is taken once. A damaged bag is read as far as it goes;
+    what was wrong is in ``warnings`` of the result.
 
     Raises
     ------
@@ -50,7 +52,7 @@ def load(path: Path) -> Recording:
         bag = Bag(path)
     except (BagError, MissingLibraryError) as error:
         raise RecordingError(str(error)) from error
-    topics = [topic for topic in bag.topics.values() if topic.type in (DETECTIONS_TYPE, TRUTH_TYPE)]
+    topics = [topic for topic in bag.topics.values() if topic.type in READ_TYPES]
     if not any(topic.type == DETECTIONS_TYPE for topic in topics):
         found = ", ".join(sorted(bag.topics)) or "none"
         raise RecordingError(f"{path}: no topic of type {DETECTIONS_TYPE}; its topics are {found}")
@@ -73,10 +75,15 @@ def _take_preset(recording: Recording, name: str | None) -> None:
 
 
 def _read(path: Path, topics: set[str], recording: Recording) -> dict[tuple[str, int], ScanTruth]:
-    from gda_tracker.io.messages import detections_from_message, scan_truth_from_message
+    from gda_tracker.io.messages import (
+        detections_from_message,
+        scan_truth_from_message,
+        statement_from_message,
+    )
 
     truth: dict[tuple[str, int], ScanTruth] = {}
     seen: dict[tuple[str, int], int] = {}
+    said: set[tuple[str, int]] = set()
     repeated = 0
     left_out: list[str] = []
     for number, record in enumerate(_records(path, topics, recording)):
@@ -84,6 +91,13 @@ def _read(path: Path, topics: set[str], recording: Recording) -> dict[tuple[str,
             if record.type == TRUTH_TYPE:
                 entry = scan_truth_from_message(record.message())
                 truth.setdefault((entry.sensor_id, entry.stamp_ns), entry)
+                continue
+            if record.type == STATEMENT_TYPE:
+                statement = statement_from_message(record.message())
+                identity = (statement.source, statement.sequence)
+                if identity not in said:
+                    said.add(identity)
+                    recording.statements.append((len(recording.detections), statement))
                 continue
             scan = detections_from_message(record.message())
         except (MessageError, BagError) as error:
@@ -159,16 +173,25 @@ def write_recording(path: str | Path, recording: Recording, preset: str | None =
     MissingLibraryError
         If the rosbags library is not installed.
     """
-    from gda_tracker.io.messages import detections_to_message, scan_truth_to_message
+    from gda_tracker.io.messages import (
+        detections_to_message,
+        scan_truth_to_message,
+        statement_to_message,
+    )
 
     topics = [BagTopic("/detections", DETECTIONS_TYPE, depth=100)]
     if recording.truth is not None:
         topics.append(BagTopic("/truth", TRUTH_TYPE, depth=100))
+    if recording.statements:
+        topics.append(BagTopic("/statements", STATEMENT_TYPE, depth=100))
     notes = {"name": recording.name, "origin": recording.origin}
     if preset is not None:
         notes["preset"] = preset
     with BagWriter(path, topics, notes) as bag:
         for index, scan in enumerate(recording.detections):
+            for number, statement in recording.statements:
+                if number == index:
+                    bag.write("/statements", statement_to_message(statement), scan.stamp_ns)
             bag.write("/detections", detections_to_message(scan), scan.stamp_ns)
             if recording.truth is not None:
                 truth = recording.truth[index]

@@ -9,6 +9,7 @@ import numpy as np
 
 from gda_tracker.association.leaf_pruning import n_scan_decision
 from gda_tracker.association.log_ratios import log_ratios
+from gda_tracker.association.statements import statement_factors
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.history_window import remember
 from gda_tracker.tracking.hypotheses import HypothesisTable
@@ -20,6 +21,11 @@ from gda_tracker.tracking.mht.generations import Generation, ancestors, rows_of
 from gda_tracker.tracking.mht.pruning import Nearness, leaves_in_all, merge
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.state_update import count_detections, set_beliefs, update_states
+from gda_tracker.tracking.statement_update import (
+    heard_rows,
+    update_heard_beliefs,
+    update_heard_states,
+)
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
@@ -75,6 +81,16 @@ def grow(
         opened.predictions.detection_probability,
         opened.predictions.settings.clutter_density,
     )
+    if opened.scan.statements:
+        said = statement_factors(
+            opened.scan,
+            opened.predictions,
+            scores,
+            associations.hypothesis,
+            associations.detection,
+        )
+        if said is not None:
+            pair_score, miss_score = pair_score + said.log_pair, miss_score + said.log_idle
     branches = branch(
         opened.table,
         associations.hypothesis,
@@ -97,6 +113,10 @@ def grow(
         set_beliefs(table, scores, rows, branches.pair[rows])
         if evidence is not None:
             remember(table, evidence, rows.astype(np.int32), used[rows])
+        update_heard_beliefs(table, scores, *heard_rows(scores, branches.parent, used < 0))
+    if opened.scan.statements:
+        predicted = opened.table.select(branches.parent)
+        update_heard_states(table, predicted, opened.scan.statements, scores is not None)
     count_detections(table, opened.scan, used)
     p = parameters
     if p.mht_merge_scans:
