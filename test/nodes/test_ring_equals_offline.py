@@ -68,6 +68,20 @@ def test_history_windows(method, window, domain):
     assert differences(played.tracks, expected) == []
 
 
+def test_sequential_extraction_and_estimated_clutter(domain):
+    """The density that association is told changes from scan to scan, and travels exactly."""
+    plays, parameters = scenario_plays("crossing_targets", "map/bayes/cv")
+    parameters["track_manager"] |= {"initiation": "automatic"}
+    for item in plays:
+        item.initial = None
+    without = offline(plays, parameters)
+    parameters["track_manager"] |= {"extraction": "sequential", "clutter_density": "estimated"}
+    expected = offline(plays, parameters)
+    assert differences(expected, without)
+    played = play_in_one_process(plays, parameters, domain)
+    assert differences(played.tracks, expected) == []
+
+
 def test_forgetting_and_a_window_in_processes(environment):
     """Tracks that start by themselves begin their windows, too."""
     plays, parameters = scenario_plays("crossing_targets", "gda/dempster/cv")
