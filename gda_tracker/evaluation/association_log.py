@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TextIO
@@ -21,12 +22,14 @@ from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.beliefs import AttributeScores
 from gda_tracker.vocabulary.hypotheses import Associations, Predictions
 from gda_tracker.vocabulary.scans import Scan
+from gda_tracker.vocabulary.tracks import Tracks
 
+MHT = "mht"
 DECIDED_BY = {
     "gda": "p_generalised",
     "map": "log_likelihood_ratio",
     "jpda": "joint_marginal",
-    "mht": "log_likelihood_ratio",
+    MHT: "log_likelihood_ratio",
 }
 """The term that each decision goes by: the larger, the rather the pair is chosen."""
 
@@ -35,6 +38,7 @@ TRACK_ELSEWHERE = "track_has_another_detection"
 DETECTION_ELSEWHERE = "detection_has_another_track"
 BOTH_ELSEWHERE = "track_and_detection_are_elsewhere"
 NOT_WORTH_IT = "miss_and_false_alarm_preferred"
+NOT_LEADING = "another_hypothesis_leads"
 
 Term = tuple[FloatArray, FloatArray]
 
@@ -128,7 +132,7 @@ def log_entry(result: RingResult) -> dict[str, Any]:
     if result.scan is None or result.predictions is None or result.associations is None:
         return entry
     return entry | decision_entry(
-        result.scan, result.predictions, result.scores, result.associations
+        result.scan, result.predictions, result.scores, result.associations, result.tracks
     )
 
 
@@ -137,9 +141,17 @@ def decision_entry(
     predictions: Predictions,
     scores: AttributeScores | None,
     associations: Associations,
+    tracks: Tracks | None = None,
 ) -> dict[str, Any]:
-    """Return what :func:`log_entry` says of the decision, from the messages of one scan."""
+    """Return what :func:`log_entry` says of the decision, from the messages of one scan.
+
+    Decision ``mht`` is taken by the track manager, after the association stage, on whole trees of
+    hypotheses: which detection a track was given by the hypothesis that leads at that time is known
+    from the ``tracks`` after the scan, and without them all pairs stand as not chosen.
+    """
     decided, settings = associations, predictions.settings
+    if decided.decision == MHT:
+        decided = _as_led(decided, scan, predictions, tracks)
     decided_by = DECIDED_BY.get(decided.decision)
     source = np.append(scan.source_index, -1)
     with np.errstate(divide="ignore"):
@@ -231,8 +243,27 @@ def _term(name: str, value: float, threshold: float) -> dict[str, Any]:
     }
 
 
+def _as_led(
+    decided: Associations, scan: Scan, predictions: Predictions, tracks: Tracks | None
+) -> Associations:
+    """Return the associations with the detections that the leading hypotheses gave the tracks."""
+    given = np.full(len(predictions), -1, dtype=np.int64)
+    if tracks is not None and len(tracks):
+        row = np.searchsorted(tracks.track_id, predictions.track_id)
+        row = np.minimum(row, len(tracks) - 1)
+        lives = tracks.track_id[row] == predictions.track_id
+        given[lives] = tracks.detection_index[row[lives]]
+    source = scan.source_index[decided.detection]
+    chosen = (given[decided.hypothesis] >= 0) & (given[decided.hypothesis] == source)
+    assigned = np.full(len(predictions), -1, dtype=np.int32)
+    assigned[decided.hypothesis[chosen]] = decided.detection[chosen]
+    return replace(decided, chosen=chosen, assigned_detection=assigned)
+
+
 def _reasons(decided: Associations) -> list[str]:
     """What became of each pair (P,)."""
+    if decided.decision == MHT:
+        return np.where(decided.chosen, CHOSEN, NOT_LEADING).tolist()
     served = decided.assigned_detection[decided.hypothesis] >= 0
     taken = np.isin(decided.detection, decided.assigned_detection)
     return np.select(

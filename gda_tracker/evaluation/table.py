@@ -140,7 +140,7 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
         for name in ("nees", "nis"):
             row += [
                 value(name, 2),
-                f"{_number(found[f'{name}_lower'], 2)} to {_number(found[f'{name}_upper'], 2)}",
+                _interval(found[f"{name}_lower"], found[f"{name}_upper"]),
                 _number(100.0 * found[f"{name}_inside"], 0),
             ]
         consistency.append(row)
@@ -212,6 +212,10 @@ def _with_error(mean: float, stderr: float, digits: int) -> str:
 
 def _error(stderr: float, digits: int) -> str:
     return f" +- {stderr:.{digits}f}" if math.isfinite(stderr) else ""
+
+
+def _interval(low: float, high: float) -> str:
+    return f"{low:.2f} to {high:.2f}" if math.isfinite(low) else "n/a"
 
 
 def _number(value: float, digits: int) -> str:

@@ -15,6 +15,7 @@ from gda_tracker.association.choices import DECISIONS
 from gda_tracker.evaluation.association_log import (
     DECIDED_BY,
     AssociationLogWriter,
+    decision_entry,
     log_entry,
     strongest_rivals,
 )
@@ -99,6 +100,25 @@ def test_detections_are_those_of_the_source_and_of_the_tracks():
                 index = int(tracks.detection_index[row_of[track["track_id"]]])
                 assert (track["detection"] is None) == (index < 0)
                 assert index < 0 or index == track["detection"]
+
+
+def test_hypothesis_trees_tell_what_leads_after_the_scan():
+    leading = 0
+    for result in results_of("mht/bayes/cv"):
+        entry, tracks = log_entry(result), result.tracks
+        index = dict(zip(tracks.track_id.tolist(), tracks.detection_index.tolist(), strict=True))
+        for pair in entry["pairs"]:
+            led = index.get(pair["track_id"], -1) == pair["detection"]
+            assert pair["chosen"] is led
+            assert pair["reason"] == ("chosen" if led else "another_hypothesis_leads")
+            leading += led
+        for track in entry["tracks"]:
+            assert track["detection"] in (None, index.get(track["track_id"]))
+        without = decision_entry(
+            result.scan, result.predictions, result.scores, result.associations
+        )
+        assert not any(pair["chosen"] for pair in without["pairs"])
+    assert leading > 20
 
 
 def test_every_decision_names_what_it_goes_by():
