@@ -400,7 +400,7 @@ class TrackManagerParameters:
         advanced=True,
     )
     imm_mean_sojourn_s: list[float] = parameter(
-        [60.0, 20.0],
+        [15.0, 15.0],
         "mean time that a target stays in each model of imm before it changes to another",
         unit="s",
         minimum=0.0,
