@@ -64,6 +64,10 @@ def find_elimination(
         In units of :func:`subsets.operations`.
     """
     max_operations = min(max_operations, MAX_OPERATIONS)
+    # When the first node closes, all its partners are open.
+    partners = np.concatenate([np.bincount(step, minlength=1), np.bincount(element, minlength=1)])
+    if OPERATIONS_PER_ENTRY * 2.0 ** min(partners.min(), 1000) > max_operations:
+        return None
     best: tuple[float, bool, list[int]] | None = None
     for turned in (False, True):
         sides = (element, step, elements, steps) if turned else (step, element, steps, elements)
