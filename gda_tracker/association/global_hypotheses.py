@@ -80,7 +80,8 @@ class ClusterHypotheses:
 
     ``track`` (n,) are the tracks' ids, ascending; ``leaf`` (H, n) the row of each track's leaf in
     each hypothesis, -1 where it is dropped; ``log_weight`` (H,) falls. ``engine``, ``optimal`` and
-    ``gap`` as in :class:`GlobalHypothesis`, for the last of the hypotheses.
+    ``gap`` as in :class:`GlobalHypothesis`, for the last of the hypotheses; the gap is infinite
+    where there may be more than were found.
     """
 
     track: IntArray

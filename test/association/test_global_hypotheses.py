@@ -135,6 +135,24 @@ def test_k_best_equal_enumeration(seed, k):
                 assert log_weight == pytest.approx(log_score[kept].sum() + dropped, abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(60))
+def test_a_narrow_beam_drops_no_track_of_a_feasible_cluster(seed):
+    log_score, track, used = draw(seed)
+    clusters = enumerate_all(log_score, track, used)
+    found = k_best_global_hypotheses(log_score, track, used, 4, limits=NARROW)
+    for ours, (_, hypotheses) in zip(found, clusters, strict=True):
+        feasible = None not in hypotheses[0][1]
+        assert feasible == (ours.leaf >= 0).all()
+        expected = [log_weight for log_weight, _ in hypotheses[:4]]
+        if ours.optimal:
+            np.testing.assert_allclose(ours.log_weight, expected, rtol=1e-12, atol=1e-9)
+        elif len(ours.log_weight) == 4:
+            missed = expected[-1] - ours.log_weight[-1]
+            assert missed <= ours.gap + 1e-6
+        else:
+            assert ours.gap == np.inf
+
+
 def test_k_best_of_a_dense_cluster_agree_for_both_widths():
     leaves = dense(3, n_tracks=5, most_leaves=20)
     wide = k_best_global_hypotheses(*leaves, 50, limits=SearchLimits(first_width=10**6))

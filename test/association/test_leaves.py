@@ -119,6 +119,13 @@ def test_integer_programming_finds_the_best(seed):
     found = pack(stages, problem, 1000)
     assert found.options.tolist() == list(options)
     assert stages.log_score[found.options].sum() == pytest.approx(best, abs=1e-9)
+    assert found.bound == pytest.approx(best, abs=1e-9)
+
+
+def test_integer_programming_knows_that_there_is_no_hypothesis():
+    problem = usable_problem(check_leaves([1.0, 2.0], [1, 2], [[7], [7]], 0.0))
+    found = pack(make_stages(problem, np.array([0]), make_layout(problem)), problem, 1000)
+    assert found.options is None
     assert found.bound == -np.inf
 
 

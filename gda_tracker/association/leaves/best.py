@@ -138,7 +138,7 @@ def _solve(
         return
     if later_widths:
         part, _ = stages.part(open_slots)
-        rounding = SLACK * (1.0 + np.abs(part.top()).sum(axis=0))
+        rounding = SLACK * (1.0 + np.abs(part.top()).sum(axis=0) + last[open_slots])
         within = np.minimum(budget[open_slots], last[open_slots] + rounding)
         _solve(problem, part, k, tuple(later_widths), within, limits, found)
         return
@@ -209,7 +209,9 @@ def _solve_hard(problem: LeafProblem, hard: _Hard, limits: SearchLimits) -> str:
         priced.closing,
     )
     hard.learn(priced.order[answer.options], bound - priced.unused - float(answer.left_out[0]))
-    if hard.gap <= 0.0 or hard.k > 1 or limits.nodes == 0:
+    # Integer programming finds one hypothesis: the best, or that there is any.
+    served = hard.k > 1 and len(hard.options) > 0
+    if hard.gap <= 0.0 or served or limits.nodes == 0:
         return PRICED_DYNAMIC_PROGRAMMING
     useful = np.zeros(len(stages.leaf), dtype=np.bool_)
     useful[priced.order] = True

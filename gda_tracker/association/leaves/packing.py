@@ -19,8 +19,8 @@ OPTIMAL, INFEASIBLE = 0, 2
 class Packing(NamedTuple):
     """Leaf of each step (K,) as index into the stages, ``None`` if no hypothesis was found.
 
-    ``bound`` is an upper bound of the log weight of any other hypothesis, -inf where the answer is
-    proven best or proven not to exist.
+    ``bound`` is an upper bound of the log weight of all hypotheses: that of the answer where it is
+    proven best, -inf where there is proven to be none.
     """
 
     options: IntArray | None
@@ -63,4 +63,6 @@ def pack(stages: Stages, problem: LeafProblem, nodes: int) -> Packing:
     options[stages.step[chosen]] = chosen
     if (options < 0).any() or len(chosen) != stages.n_steps:
         raise RuntimeError(f"integer programming chose {len(chosen)} leaves of {stages.n_steps}")
-    return Packing(options, -np.inf if answer.status == OPTIMAL else bound)
+    if answer.status == OPTIMAL:
+        bound = float(stages.log_score[options].sum())
+    return Packing(options, bound)
