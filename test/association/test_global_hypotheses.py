@@ -20,6 +20,8 @@ from gda_tracker.association.global_hypotheses import (
     best_global_hypothesis,
     k_best_global_hypotheses,
 )
+from gda_tracker.association.leaves import best
+from gda_tracker.association.leaves.search import Found
 
 NARROW = SearchLimits(first_width=1, second_width=1, width=1)
 """Little is proven by dynamic programming with it: integer programming has to answer."""
@@ -60,12 +62,12 @@ def check_consistent(found, log_score, track, used):
 def test_best_equals_enumeration(seed):
     log_score, track, used = draw(seed)
     clusters = enumerate_all(log_score, track, used)
-    best = sum(hypotheses[0][0] for _, hypotheses in clusters)
+    heaviest = sum(hypotheses[0][0] for _, hypotheses in clusters)
     for limits in ENGINE_LIMITS:
         found = best_global_hypothesis(log_score, track, used, limits=limits)
         check_consistent(found, log_score, track, used)
         assert found.optimal.all()
-        assert found.log_weight == pytest.approx(best, rel=1e-12, abs=1e-9)
+        assert found.log_weight == pytest.approx(heaviest, rel=1e-12, abs=1e-9)
         assert [found.track[found.cluster == c].tolist() for c in range(len(clusters))] == [
             tracks for tracks, _ in clusters
         ]
@@ -74,10 +76,12 @@ def test_best_equals_enumeration(seed):
 @pytest.mark.parametrize("seed", range(60))
 def test_an_unproven_answer_is_flagged_and_its_gap_holds(seed):
     log_score, track, used = draw(seed)
-    best = sum(hypotheses[0][0] for _, hypotheses in enumerate_all(log_score, track, used))
+    heaviest = sum(hypotheses[0][0] for _, hypotheses in enumerate_all(log_score, track, used))
     found = best_global_hypothesis(log_score, track, used, limits=HOPELESS)
     check_consistent(found, log_score, track, used)
-    assert -1e-9 <= best - found.log_weight <= found.gap.sum() + 1e-6 * len(found.dropped) + 1e-9
+    assert (
+        -1e-9 <= heaviest - found.log_weight <= found.gap.sum() + 1e-6 * len(found.dropped) + 1e-9
+    )
 
 
 def test_some_answers_stay_unproven_without_work():
@@ -151,6 +155,28 @@ def test_a_narrow_beam_drops_no_track_of_a_feasible_cluster(seed):
             assert missed <= ours.gap + 1e-6
         else:
             assert ours.gap == np.inf
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_where_beams_find_nothing_integer_programming_finds_one(seed, monkeypatch):
+    def lost(stages, k, width, budget, closing=None):
+        none = np.zeros(0, dtype=np.int64)
+        options = np.zeros((0, stages.n_steps), dtype=np.int64)
+        return Found(none, np.zeros(0), options, np.zeros(len(stages.clusters)))
+
+    log_score, track, used = draw(seed)
+    clusters = enumerate_all(log_score, track, used)
+    monkeypatch.setattr(best, "search", lost)
+    found = best_global_hypothesis(log_score, track, used)
+    assert found.optimal.all()
+    expected = sum(hypotheses[0][0] for _, hypotheses in clusters)
+    assert found.log_weight == pytest.approx(expected, rel=1e-9, abs=1e-6)
+    for ours, (_, hypotheses) in zip(
+        k_best_global_hypotheses(log_score, track, used, 2), clusters, strict=True
+    ):
+        assert ours.log_weight == pytest.approx([hypotheses[0][0]], rel=1e-9, abs=1e-6)
+        assert not ours.optimal
+        assert ours.gap == np.inf
 
 
 def test_k_best_of_a_dense_cluster_agree_for_both_widths():

@@ -44,7 +44,7 @@ class SearchLimits:
     width: int = 4096
     price_rounds: int = 120
     nodes: int = 2000
-    transitions: int = 1_000_000
+    transitions: int = 500_000
 
     def __post_init__(self) -> None:
         for name, least in LEAST.items():

@@ -21,6 +21,9 @@ from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 LOG_NEGLIGIBLE = -60.0
 """States whose hypotheses together weigh less than exp of this of the best one are left out."""
 
+LOOKED_AT = 8
+"""Of states in plenty, so many times what can be kept are looked at closer."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sums:
@@ -156,7 +159,10 @@ def sum_products(
         on_path[:, live] &= stages.open_after[:, step, live]
         wanted = (group_mask == on_path[:, group_slot]).all(axis=0)
         bound = total + rest[step + 1, group_slot]
-        crowded = (np.bincount(group_slot, minlength=batch) > width)[group_slot]
+        floor = log_best[group_slot] + LOG_NEGLIGIBLE
+        kept = wanted | (bound >= floor)
+        _narrow(kept, wanted, group_slot, bound, LOOKED_AT * width)
+        crowded = (np.bincount(group_slot[kept], minlength=batch) > width)[group_slot] & kept
         if crowded.any():
             affected = last_affected(stages) if affected is None else affected
             last = affected[step]
@@ -164,7 +170,7 @@ def sum_products(
             bound[crowded] += outlook(
                 stages, remaining, step, last, group_slot[crowded], group_mask[:, crowded]
             )
-        kept = wanted | (bound >= log_best[group_slot] + LOG_NEGLIGIBLE)
+            kept &= wanted | (bound >= floor)
         _narrow(kept, wanted, group_slot, bound, width)
         np.logaddexp.at(lost, group_slot[~kept], bound[~kept])
         number = np.where(kept, kept.cumsum() - 1, -1)
