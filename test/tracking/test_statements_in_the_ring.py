@@ -168,6 +168,45 @@ def test_the_factors_are_the_joint_likelihood():
     assert factors.log_idle[1] == 0.0
 
 
+@pytest.mark.parametrize("term", ["none", "bayes"])
+def test_the_factors_of_a_mixture_are_those_of_its_components(term):
+    """A Gaussian in two equal halves is the same track; different halves lie between the two."""
+    ring = ring_of(attribute_term=term)
+    side_by_side(ring)
+    ring.say(said(1, 26.0, "track", gaussian(3260.0, 1090.0, 30.0), grades={"fighter": 0.9}))
+    ring.manager.admit(crossing_scan())
+    opened = ring.manager.open()
+    scan, single = opened.scan, opened.predictions
+    pairs = gate(scan, single)
+    scores = ring.fusion(
+        single, ring.fuzzifier(scan), pairs.hypothesis, pairs.detection, scan.statements
+    )
+    expected = statement_factors(scan, single, scores, pairs)
+
+    def halves(shift_m):
+        mean = np.repeat(single.component_mean, 2, axis=0)
+        mean[0, 1] += shift_m
+        return replace(
+            single,
+            component_start=2 * single.component_start,
+            component_weight=np.full(2 * len(single), 0.5),
+            component_model=np.zeros(2 * len(single), dtype=np.int32),
+            component_mean=mean,
+            component_covariance=np.repeat(single.component_covariance, 2, axis=0),
+        )
+
+    found = statement_factors(scan, halves(0.0), scores, pairs)
+    np.testing.assert_allclose(found.log_idle, expected.log_idle, rtol=1e-9)
+    np.testing.assert_allclose(found.log_pair, expected.log_pair, rtol=1e-9)
+    moved = replace(single, component_mean=halves(50.0).component_mean[::2])
+    other = statement_factors(scan, moved, scores, pairs)
+    mixed = statement_factors(scan, halves(50.0), scores, pairs)
+    low, high = sorted([expected.log_idle[0], other.log_idle[0]])
+    assert low < mixed.log_idle[0] < high
+    mean = np.log(0.5 * (np.exp(expected.log_idle[0]) + np.exp(other.log_idle[0])))
+    assert mixed.log_idle[0] == pytest.approx(mean, rel=1e-9)
+
+
 # --- once, and again
 
 
