@@ -64,6 +64,8 @@ def update_states_by_marginals(
         Rows of each gated pair.
     marginal : (P,)
         beta_ij; those of a hypothesis sum to 1 at most, up to rounding.
+    use_range_rate : bool
+        As for :func:`state_update.update_states`.
     """
     if not len(marginal):
         return

@@ -92,10 +92,10 @@ class Associations:
 
     Per pair (P,): ``kinematic_log_likelihood`` [log 1/(m rad)], ``p_kinematic`` P_k (14.4.1),
     ``p_attribute`` P_a = 1 - P'_a (14.4.2), ``p_generalised`` P_k P_a, ``joint_marginal`` from the
-    joint kinematic and attribute likelihood, ``chosen``. ``assigned_detection`` (H,) is the row in
-    the scan or
-    -1. ``cluster_engine`` (G,) indexes ``engine_names``; ``cluster_converged`` (G,) is False where
-    an approximate engine did not settle.
+    joint kinematic and attribute likelihood (decision ``jpda``: after the coalescence remedy),
+    ``chosen``. ``assigned_detection`` (H,) is the row in the scan or -1. ``cluster_engine`` (G,)
+    indexes ``engine_names``; ``cluster_converged`` (G,) is False where an approximate engine did
+    not settle.
     """
 
     key: ScanKey
