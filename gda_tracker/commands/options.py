@@ -10,6 +10,9 @@ from typing import Any
 from gda_tracker.tracking.methods import parse_method
 from gda_tracker.tracking.ring import stage_parameters
 
+# Node whose parameters say what the fields of a radar mean; the four nodes do not know it.
+RADAR_INPUT = "radar_input"
+
 Parameters = dict[str, dict[str, Any]]
 
 METHOD_HELP = (
@@ -29,24 +32,55 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--method", metavar="METHOD", help=METHOD_HELP)
 
 
+def add_preset_option(parser: argparse.ArgumentParser) -> None:
+    """Add ``--preset``."""
+    parser.add_argument(
+        "--preset",
+        metavar="NAME",
+        help="radar that this is, one of params/presets (docs/radars.md); --params goes on top",
+    )
+
+
 def gather_parameters(
-    params: Path | None, method: str | None, preset: Mapping[str, Mapping[str, Any]] | None = None
+    params: Path | None,
+    method: str | None,
+    preset: Mapping[str, Mapping[str, Any]] | None = None,
+    preset_is_base: bool = False,
 ) -> Parameters:
-    """Parameters ``{node: {name: value}}``: the file, else the preset; the method on top; checked.
+    """Parameters ``{node: {name: value}}`` of the four nodes, checked.
+
+    The file, else the preset; with ``preset_is_base`` the file on top of the preset. The method
+    goes on top.
 
     Raises
     ------
     ParameterError
         For an unreadable file, an unknown node or parameter, or a value that is not allowed.
     """
+    base = preset or {} if params is None or preset_is_base else {}
+    merged = {node: dict(values) for node, values in base.items()}
     if params is not None:
         from gda_tracker.io.parameter_files import read_parameter_file
 
-        found: Mapping[str, Mapping[str, Any]] = read_parameter_file(params)
-    else:
-        found = preset or {}
-    merged = {node: dict(values) for node, values in found.items()}
+        for node, values in read_parameter_file(params).items():
+            merged[node] = {**merged.get(node, {}), **values}
+    merged.pop(RADAR_INPUT, None)
     if method is not None:
         merged["track_manager"] = {**merged.get("track_manager", {}), **parse_method(method)}
     stage_parameters(merged)
     return merged
+
+
+def radar_input_of_file(params: Path | None) -> dict[str, Any] | None:
+    """Parameters of the radar input in a file, ``None`` if it says nothing about it.
+
+    Raises
+    ------
+    ParameterError
+        As :func:`gather_parameters`.
+    """
+    if params is None:
+        return None
+    from gda_tracker.io.parameter_files import read_parameter_file
+
+    return read_parameter_file(params).get(RADAR_INPUT)

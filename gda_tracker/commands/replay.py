@@ -10,7 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gda_tracker.commands.options import Parameters, add_parameter_options, gather_parameters
+from gda_tracker.commands.options import (
+    Parameters,
+    add_parameter_options,
+    add_preset_option,
+    gather_parameters,
+    radar_input_of_file,
+)
 from gda_tracker.commands.progress import progress_bar
 from gda_tracker.errors import UserError
 from gda_tracker.evaluation.continuity import score_continuity
@@ -35,8 +41,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--adapter",
         default="auto",
         metavar="NAME",
-        help="how to read it: auto, bag, autoferry, scan_npz (default: auto)",
+        help="how to read it: auto, bag, autoferry, scan_npz, mmwave, continental_yaml, csv "
+        "(default: auto)",
     )
+    parser.add_argument(
+        "--topic", metavar="NAME", help="topic of a bag with several radars (gda-tracker inspect)"
+    )
+    add_preset_option(parser)
     add_parameter_options(parser)
     how = parser.add_mutually_exclusive_group()
     how.add_argument(
@@ -115,7 +126,13 @@ def run(args: argparse.Namespace) -> int:
 def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
     """What to play, the name of its parameters, and the parameters."""
     name = args.recording
-    if name in shipped_scenarios() or Path(name).suffix in (".yaml", ".yml"):
+    from gda_tracker.io.adapters import InputOptions, is_recording, load_recording
+    from gda_tracker.io.parameter_files import read_preset
+
+    scenario_file = Path(name).suffix in (".yaml", ".yml") and args.adapter == "auto"
+    if name in shipped_scenarios() or (scenario_file and not is_recording(name)):
+        if args.preset or args.topic:
+            raise UserError("--preset, --topic: allowed with recordings only, this is a scenario")
         scenario = load_scenario(name)
         from gda_tracker.simulation.preset import tracker_preset
 
@@ -127,19 +144,20 @@ def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
             f"scenario {scenario.name}",
             parameters,
         )
-    from gda_tracker.io.adapters import load_recording
-
-    recording = load_recording(name, args.adapter)
+    options = InputOptions(args.topic, args.preset, radar_input_of_file(args.params))
+    recording = load_recording(name, args.adapter, options)
     for warning in recording.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    if recording.origin:
-        print(recording.origin)
-    preset_name = f"preset {recording.preset_name}" if args.params is None else str(args.params)
-    return (
-        of_recording(recording),
-        preset_name,
-        gather_parameters(args.params, args.method, recording.preset),
-    )
+    for line in (recording.origin, *recording.notes):
+        if line:
+            print(line)
+    preset, preset_name, on_top = recording.preset, recording.preset_name, recording.preset_is_base
+    if args.preset is not None and not on_top:
+        preset, preset_name, on_top = read_preset(args.preset), args.preset, True
+    sources = [f"preset {preset_name}"] if on_top or args.params is None else []
+    sources += [str(args.params)] if args.params else []
+    parameters = gather_parameters(args.params, args.method, preset, on_top)
+    return of_recording(recording), " and ".join(sources), parameters
 
 
 def _offline(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from gda_tracker.io.foreign_types import RADAR_MESSAGES, definition
 from gda_tracker.resources import resource
 
 PACKAGE = "gda_tracker_msgs"
@@ -29,8 +30,10 @@ def require_rosbags() -> None:
         raise MissingLibraryError(f"bags need the rosbags library: {_INSTALL}") from error
 
 
-def new_type_store() -> Any:
+def new_type_store(radar_messages: bool = True) -> Any:
     """Return a rosbags type store with the types of ROS 2 Jazzy and our own.
+
+    Those of the package ``radar_msgs`` are in it too, unless a bag brings others of that name.
 
     Raises
     ------
@@ -45,6 +48,9 @@ def new_type_store() -> Any:
     for path in sorted(resource("msg_schemas", "msg").glob("*.msg")):
         text = path.read_text(encoding="utf-8")
         types.update(get_types_from_msg(text, f"{PACKAGE}/msg/{path.stem}"))
+    if radar_messages:
+        for kind in RADAR_MESSAGES:
+            types.update(get_types_from_msg(definition(kind), kind))
     store.register(types)
     return store
 
@@ -57,7 +63,7 @@ def type_store() -> Any:
 
 @lru_cache(maxsize=256)
 def type_hash(type_name: str) -> str:
-    """Return the RIHS01 hash of one of our types, as rosidl computes it.
+    """Return the RIHS01 hash of a type of the shared store, as rosidl computes it.
 
     Raises
     ------

@@ -23,6 +23,7 @@ from gda_tracker.io.bag_salvage import SalvagedRow, salvage
 from gda_tracker.io.bag_types import MissingLibraryError
 from gda_tracker.io.bag_upgrade import Upgrade, upgrade_from
 from gda_tracker.io.bag_writer import BagError, BagTopic, BagWriter
+from gda_tracker.io.foreign_types import RADAR_MESSAGES
 
 __all__ = [
     "Bag",
@@ -207,6 +208,10 @@ class Bag:
             count += self.topics[name].message_count
         elif kind.startswith(f"{bag_types.PACKAGE}/"):
             self._require_same_definition(name, kind, digest, definition)
+        elif definition and kind in RADAR_MESSAGES and self._differs(kind, digest, definition):
+            # Earlier versions of radar_msgs: each bag brings its own definition.
+            self._store = bag_types.new_type_store(radar_messages=False)
+            self._learn(kind, definition)
         elif kind not in self._store.fielddefs and definition:
             self._learn(kind, definition)
         self.topics[name] = _topic(name, kind, count, connection)
@@ -225,6 +230,11 @@ class Bag:
                     f"{self.path}: topic {name} was recorded with another definition of {kind}"
                 )
             self._upgrades[name] = upgrade
+
+    def _differs(self, kind: str, digest: str, definition: str) -> bool:
+        if kind not in self._store.fielddefs:
+            return False
+        return bool((digest or _hash_of(kind, definition)) != self._store.hash_rihs01(kind))
 
     def _learn(self, kind: str, definition: str) -> None:
         """Register a foreign type; where that fails its messages can be handed on but not read."""

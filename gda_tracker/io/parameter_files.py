@@ -32,6 +32,9 @@ WILDCARDS = ("**", "*")
 # Parameters that every node has and no table declares: they are left to ROS and the node.
 OF_EVERY_NODE = ("autostart", "use_sim_time", "start_type_description_service", "qos_overrides")
 
+# The node that makes detections of what a radar publishes.
+RADAR_INPUT = "radar_input"
+
 Values = dict[str, dict[str, Any]]
 
 
@@ -46,6 +49,13 @@ def stage_tables() -> dict[str, type]:
     return dict(STAGE_TABLES)
 
 
+def known_tables() -> dict[str, type]:
+    """Return the tables that a parameter file may hold: the four nodes' and the radar's."""
+    from gda_tracker.io.radar.input_parameters import RadarInputParameters
+
+    return {**stage_tables(), RADAR_INPUT: RadarInputParameters}
+
+
 # --- reading --------------------------------------------------------------------------------------
 
 
@@ -57,7 +67,8 @@ def read_parameter_file(path: str | Path, tables: Mapping[str, type] | None = No
     path
         YAML file.
     tables
-        Parameter tables of the nodes that may occur; by default the four of the ring.
+        Parameter tables of the nodes that may occur; by default the four of the ring and the radar
+        input.
 
     Returns
     -------
@@ -71,7 +82,7 @@ def read_parameter_file(path: str | Path, tables: Mapping[str, type] | None = No
         a value that is not allowed.
     """
     path = Path(path)
-    return check_parameters(_load(path), stage_tables() if tables is None else tables, str(path))
+    return check_parameters(_load(path), known_tables() if tables is None else tables, str(path))
 
 
 def read_preset(name: str) -> Values:
@@ -231,7 +242,7 @@ def _load(path: Path) -> Any:
 
 def parameter_yaml(
     tables: Mapping[str, type],
-    advanced: bool,
+    advanced: bool | None,
     values: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> str:
     """Return a commented parameter file of the basic, or of the advanced, parameters.
@@ -241,7 +252,7 @@ def parameter_yaml(
     tables
         Parameter tables by node name.
     advanced
-        Which half.
+        Which half; ``None`` for both.
     values
         Values by node where they are not the defaults; unknown names raise
         :class:`~gda_tracker.parameters.ParameterError`.
@@ -259,7 +270,7 @@ def parameter_yaml(
         from_mapping(table, given)
         lines = [f"/**/{node}:", f"  {PARAMETERS}:"]
         for name, specification in declared.items():
-            if specification.advanced == advanced:
+            if advanced is None or specification.advanced == advanced:
                 lines += _entry(specification, given.get(name, specification.default))
         if len(lines) > 2:
             blocks.append("\n".join(lines) + "\n")

@@ -311,11 +311,13 @@ class ScanSourceNode(RingNode):
 
 def load_playbacks(name: str, adapter: str, runs: int, seed: int, method: str) -> list[Playback]:
     """Load a scenario or a recording for playing; errors are :class:`ParameterError`."""
-    from gda_tracker.io.adapters import load_recording
+    from gda_tracker.io.adapters import is_recording, load_recording
     from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
 
-    is_scenario = name in shipped_scenarios() or Path(name).suffix in (".yaml", ".yml")
     try:
+        is_scenario = name in shipped_scenarios() or (
+            Path(name).suffix in (".yaml", ".yml") and not is_recording(name)
+        )
         if adapter == "auto" and is_scenario:
             return of_scenario(load_scenario(name), runs, seed, method)
         return [of_recording(load_recording(name, adapter))]

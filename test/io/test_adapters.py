@@ -442,7 +442,11 @@ def test_adapters_are_guessed_by_content(tmp_path):
         "autoferry": shutil.copy(EXCERPT, tmp_path / "renamed.txt"),
         "scan_npz": shutil.copy(npz(tmp_path), tmp_path / "renamed.bin"),
         "bag": tmp_path / "bag",
+        "mmwave": shutil.copy(resource("data/mmwave_walk/SOT.tar.xz"), tmp_path / "walk.bin"),
+        "continental_yaml": next(resource("data/continental").glob("srr520*.yaml")),
+        "csv": tmp_path / "table.txt",
     }
+    cases["csv"].write_text("time_s,range_m,azimuth_deg\n0.0,10.0,3.0\n")
     for name, path in cases.items():
         assert guess_adapter(path) == name
         assert f"read as {name}, guessed from the content" in load_recording(path).origin

@@ -9,15 +9,48 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gda_tracker.io.adapters import autoferry, bag, scan_npz
-from gda_tracker.io.adapters.adapter import Adapter, RecordingError
+from gda_tracker.io.adapters import (
+    autoferry,
+    bag,
+    continental_yaml,
+    csv_file,
+    mmwave,
+    scan_npz,
+)
+from gda_tracker.io.adapters.adapter import (
+    NO_OPTIONS,
+    Adapter,
+    InputOptions,
+    RecordingError,
+)
 from gda_tracker.vocabulary.recordings import Recording
 
-__all__ = ["ADAPTERS", "Adapter", "RecordingError", "guess_adapter", "load_recording"]
+__all__ = [
+    "ADAPTERS",
+    "Adapter",
+    "InputOptions",
+    "RecordingError",
+    "guess_adapter",
+    "is_recording",
+    "load_recording",
+]
 
 ADAPTERS: dict[str, Adapter] = {
-    adapter.name: adapter for adapter in (bag.ADAPTER, autoferry.ADAPTER, scan_npz.ADAPTER)
+    adapter.name: adapter
+    for adapter in (
+        bag.ADAPTER,
+        autoferry.ADAPTER,
+        scan_npz.ADAPTER,
+        mmwave.ADAPTER,
+        continental_yaml.ADAPTER,
+        csv_file.ADAPTER,
+    )
 }
+
+
+def is_recording(path: str | Path) -> bool:
+    """Tell whether an adapter knows the content of this path."""
+    return any(adapter.recognises(Path(path)) for adapter in ADAPTERS.values())
 
 
 def guess_adapter(path: str | Path) -> str:
@@ -38,7 +71,9 @@ def guess_adapter(path: str | Path) -> str:
     raise RecordingError(f"{path}: no adapter knows this content. Known are {kinds}")
 
 
-def load_recording(path: str | Path, adapter: str = "auto") -> Recording:
+def load_recording(
+    path: str | Path, adapter: str = "auto", options: InputOptions = NO_OPTIONS
+) -> Recording:
     """Read a recording.
 
     Parameters
@@ -48,6 +83,8 @@ def load_recording(path: str | Path, adapter: str = "auto") -> Recording:
     adapter
         Name of an adapter, or ``auto`` to tell by the content; ``origin`` of the result then says
         which adapter was taken.
+    options
+        What the user says about a recording of a foreign radar: topic, preset, parameters.
 
     Raises
     ------
@@ -61,7 +98,9 @@ def load_recording(path: str | Path, adapter: str = "auto") -> Recording:
         raise RecordingError(f"adapter {name!r}: allowed is one of auto, {', '.join(ADAPTERS)}")
     if not path.exists():
         raise RecordingError(f"{path} does not exist")
-    recording = ADAPTERS[name].load(path)
+    if options.topic is not None and name != bag.ADAPTER.name:
+        raise RecordingError(f"--topic {options.topic}: allowed with bags only, {path} is {name}")
+    recording = ADAPTERS[name].load(path, options)
     if adapter == "auto":
         recording.origin = f"{recording.origin} (read as {name}, guessed from the content)".lstrip()
     return recording

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from gda_tracker.errors import UserError
+from gda_tracker.io.radar.frames import RadarFrame
 from gda_tracker.vocabulary.recordings import Recording
 
 
@@ -15,17 +17,36 @@ class RecordingError(UserError):
 
 
 @dataclass(frozen=True, slots=True)
+class InputOptions:
+    """What the user says about a recording whose meaning is not in itself.
+
+    ``topic`` names a topic of a bag, ``preset`` a radar; ``radar_input`` are parameters of
+    :class:`~gda_tracker.io.radar.input_parameters.RadarInputParameters` by name, on top of the
+    preset, be it named here or guessed.
+    """
+
+    topic: str | None = None
+    preset: str | None = None
+    radar_input: Mapping[str, Any] | None = None
+
+
+NO_OPTIONS = InputOptions()
+
+
+@dataclass(frozen=True, slots=True)
 class Adapter:
     """Reads one kind of recording.
 
     ``recognises`` tells by the content whether a path is of this kind and raises nothing; ``load``
-    reads it and raises :class:`RecordingError`.
+    reads it and raises :class:`RecordingError`. ``frames`` is there where a recording holds what a
+    radar published, whose meaning a table declares: it yields it as it stands.
     """
 
     name: str
     description: str
     recognises: Callable[[Path], bool]
-    load: Callable[[Path], Recording]
+    load: Callable[[Path, InputOptions], Recording]
+    frames: Callable[[Path], Iterator[RadarFrame]] | None = None
 
 
 def first_bytes(path: Path, count: int) -> bytes:

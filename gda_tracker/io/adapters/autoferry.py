@@ -18,7 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from gda_tracker.io.adapters.adapter import Adapter, RecordingError, first_bytes
+from gda_tracker.io.adapters.adapter import (
+    NO_OPTIONS,
+    Adapter,
+    InputOptions,
+    RecordingError,
+    first_bytes,
+)
 from gda_tracker.io.parameter_files import read_preset
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.recordings import Recording
@@ -43,7 +49,7 @@ def recognises(path: Path) -> bool:
     return start.startswith(b"[") and b'"sensorID"' in start
 
 
-def load(path: Path) -> Recording:
+def load(path: Path, options: InputOptions = NO_OPTIONS) -> Recording:
     """Read the radar scans of a scenario, with the truth if its file lies beside.
 
     Raises

@@ -1,6 +1,8 @@
-"""Our own bags: topics of ``DetectionArray``, and of ``ScanTruth`` where the truth is known.
+"""Bags: topics of ``DetectionArray``, and of ``ScanTruth`` where the truth is known.
 
-A bag may name its preset and its origin in its notes (``custom_data`` of ``metadata.yaml``).
+A bag without ``DetectionArray`` may hold what a radar published, see
+:mod:`gda_tracker.io.adapters.radar_bag`. A bag may name its preset and its origin in its notes
+(``custom_data`` of ``metadata.yaml``).
 """
 
 from __future__ import annotations
@@ -11,7 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from gda_tracker.io.adapters.adapter import Adapter, RecordingError, first_bytes
+from gda_tracker.io.adapters.adapter import (
+    NO_OPTIONS,
+    Adapter,
+    InputOptions,
+    RecordingError,
+    first_bytes,
+)
+from gda_tracker.io.adapters.radar_bag import load_radar_bag, radar_topics
 from gda_tracker.io.bag_types import MissingLibraryError
 from gda_tracker.io.bags import Bag, BagError, BagRecord, BagTopic, BagWriter, read_bag
 from gda_tracker.io.fields import MessageError
@@ -37,8 +46,10 @@ def recognises(path: Path) -> bool:
     return first_bytes(path, 16).startswith(MAGIC)
 
 
-def load(path: Path) -> Recording:
+def load(path: Path, options: InputOptions = NO_OPTIONS) -> Recording:
     """Read detections and statements in the order they were recorded, and their truth.
+
+    With ``options.topic``, or without a topic of detections, what a radar published is read.
 
     A scan or statement that was sent again is taken once. A damaged bag is read as far as it goes;
     what was wrong is in ``warnings`` of the result.
@@ -53,9 +64,18 @@ def load(path: Path) -> Recording:
     except (BagError, MissingLibraryError) as error:
         raise RecordingError(str(error)) from error
     topics = [topic for topic in bag.topics.values() if topic.type in READ_TYPES]
-    if not any(topic.type == DETECTIONS_TYPE for topic in topics):
+    known = {topic.name for topic in topics if topic.type == DETECTIONS_TYPE}
+    if options.topic is not None and options.topic not in known:
+        return load_radar_bag(bag, options)
+    if not known and radar_topics(bag):
+        return load_radar_bag(bag, options)
+    if not known:
         found = ", ".join(sorted(bag.topics)) or "none"
         raise RecordingError(f"{path}: no topic of type {DETECTIONS_TYPE}; its topics are {found}")
+    if options.topic is not None:
+        topics = [
+            topic for topic in topics if topic.name == options.topic or topic.name not in known
+        ]
     recording = Recording(name=bag.notes.get("name", path.stem), detections=[])
     recording.origin = bag.notes.get("origin", "")
     _take_preset(recording, bag.notes.get("preset"))
@@ -200,7 +220,7 @@ def write_recording(path: str | Path, recording: Recording, preset: str | None =
 
 ADAPTER = Adapter(
     name="bag",
-    description="rosbag2 folder, .mcap or .db3 file with DetectionArray messages",
+    description="rosbag2 folder, .mcap or .db3 file with DetectionArray messages or a radar's",
     recognises=recognises,
     load=load,
 )

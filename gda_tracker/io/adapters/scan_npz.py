@@ -27,7 +27,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gda_tracker.io.adapters.adapter import Adapter, RecordingError, first_bytes
+from gda_tracker.io.adapters.adapter import (
+    NO_OPTIONS,
+    Adapter,
+    InputOptions,
+    RecordingError,
+    first_bytes,
+)
 from gda_tracker.io.parameter_files import (
     ParameterFileError,
     check_parameters,
@@ -61,7 +67,7 @@ def recognises(path: Path) -> bool:
         return False
 
 
-def load(path: Path) -> Recording:
+def load(path: Path, options: InputOptions = NO_OPTIONS) -> Recording:
     """Read a scenario file.
 
     Raises

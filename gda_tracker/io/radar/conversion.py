@@ -9,11 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gda_tracker.io.radar.clustering import cluster
+from gda_tracker.io.radar.ego_motion import estimate_sensor_velocity, static_range_rate
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
 from gda_tracker.parameters import ParameterError
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 from gda_tracker.vocabulary.scans import Detections
 
+# An estimate of the radar's own speed counts if it makes this share of the points stand still.
+LEAST_STATIC_SHARE = 0.5
 DEVIATIONS = ("range_std", "azimuth_std", "elevation_std", "range_rate_std")
 
 
@@ -61,7 +64,7 @@ def detections_of_fields(
     range_rate = None
     if "range_rate" in fields and p.range_rate_used:
         range_rate = p.range_rate_sign * fields["range_rate"]
-        range_rate = range_rate + p.sensor_speed_mps * _along_x(azimuth, elevation)
+        range_rate = range_rate - _static_range_rate(range_rate, azimuth, elevation, p, counts)
     still = None if range_rate is None else np.abs(range_rate) <= p.moving_above_mps
     keep = _kept(fields, p, range_m, azimuth, range_rate, counts)
     rcs, known = _radar_cross_section(fields, p, n, counts)
@@ -145,9 +148,22 @@ def _no_position(needed: str, fields: Mapping[str, FloatArray]) -> ParameterErro
     )
 
 
-def _along_x(azimuth: FloatArray, elevation: FloatArray | None) -> FloatArray:
-    """Cosine of the angle between the line of sight and the sensor's x axis."""
-    return np.cos(azimuth) if elevation is None else np.cos(azimuth) * np.cos(elevation)
+def _static_range_rate(
+    range_rate: FloatArray,
+    azimuth: FloatArray,
+    elevation: FloatArray | None,
+    p: RadarInputParameters,
+    counts: Counter[str],
+) -> FloatArray:
+    """Range rate (n,) of points at rest, by the radar's own speed."""
+    ahead, left = p.sensor_speed_mps, p.sensor_speed_left_mps
+    if p.sensor_motion == "estimated":
+        found = estimate_sensor_velocity(azimuth, elevation, range_rate)
+        if found is not None and found.share >= LEAST_STATIC_SHARE:
+            ahead, left = found.ahead_mps, found.left_mps
+        else:
+            counts["sensor_motion_unknown"] += 1
+    return static_range_rate(azimuth, elevation, ahead, left)
 
 
 def _kept(

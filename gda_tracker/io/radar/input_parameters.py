@@ -10,6 +10,8 @@ from gda_tracker.parameters import ParameterError, parameter
 
 ANGLE_UNITS = ("rad", "deg")
 RCS_UNITS = ("none", "dbsm", "m2")
+SENSOR_MOTIONS = ("declared", "estimated")
+STAMP_SOURCES = ("header", "received")
 # Names under which drivers publish a quantity, in the order in which they are looked for. A signal
 # strength is never taken for a radar cross section.
 ALIASES: dict[str, tuple[str, ...]] = {
@@ -42,6 +44,13 @@ class RadarInputParameters:
     """What the fields of a radar mean, and which detections are passed on."""
 
     sensor_id: str = parameter("radar", "name of the sensor in all messages", live=False)
+    stamp_source: str = parameter(
+        "header",
+        "time of a scan: header (the message's own stamp) or received (when it came, for drivers "
+        "that leave the stamp empty)",
+        choices=STAMP_SOURCES,
+        advanced=True,
+    )
     position_source: str = parameter(
         "auto",
         "polar: from range and azimuth; cartesian: from x, y and z; auto: polar where there is "
@@ -99,6 +108,19 @@ class RadarInputParameters:
         unit="m/s",
         minimum=-1e4,
         maximum=1e4,
+    )
+    sensor_speed_left_mps: float = parameter(
+        0.0,
+        "speed of the radar along its y axis, for one that looks sideways from a car",
+        unit="m/s",
+        minimum=-1e4,
+        maximum=1e4,
+    )
+    sensor_motion: str = parameter(
+        "declared",
+        "where the radar's own speed comes from: declared (the two parameters above) or estimated "
+        "(from each scan: the speed at which most of its points stand still)",
+        choices=SENSOR_MOTIONS,
     )
     rcs_unit: str = parameter(
         "none",

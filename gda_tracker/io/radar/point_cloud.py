@@ -121,3 +121,80 @@ def _place(
             f"field {name!r}: {kind} at byte {offset} reaches beyond the point of {step} bytes"
         )
     return offset, kind
+
+
+def point_cloud_of_columns(
+    columns: Mapping[str, FloatArray],
+    types: Mapping[str, str],
+    stamp_ns: int,
+    frame_id: str,
+    offsets: Mapping[str, int] | None = None,
+    point_step: int = 0,
+) -> Any:
+    """Return a ``PointCloud2`` of the rosbags library, to be written into a bag.
+
+    Parameters
+    ----------
+    columns
+        (n,) by field.
+    types
+        Type of each field in the data, by field.
+    stamp_ns, frame_id
+        Of the header.
+    offsets
+        First byte of each field in a point; by default one after the other.
+    point_step
+        Bytes of a point; by default as few as needed.
+
+    Raises
+    ------
+    PointCloudError
+        If a value does not fit its field, or a field the point.
+    """
+    from gda_tracker.io.bag_types import type_store
+    from gda_tracker.io.fields import split_stamp
+
+    if offsets is None:
+        sizes = [np.dtype(types[name]).itemsize for name in columns]
+        offsets = dict(zip(columns, np.cumsum([0, *sizes[:-1]]).tolist(), strict=True))
+    end = max(offsets[name] + np.dtype(types[name]).itemsize for name in columns)
+    step = point_step or end
+    if end > step:
+        raise PointCloudError(f"point_step = {step}: allowed is at least {end}")
+    n = len(next(iter(columns.values())))
+    layout = np.dtype(
+        {
+            "names": list(columns),
+            "formats": [np.dtype(types[name]).newbyteorder("<") for name in columns],
+            "offsets": [offsets[name] for name in columns],
+            "itemsize": step,
+        }
+    )
+    points = np.zeros(n, dtype=layout)
+    for name, values in columns.items():
+        kind = np.dtype(types[name])
+        if kind.kind in "iu" and len(values):
+            limits = np.iinfo(kind)
+            if not (limits.min <= np.min(values) and np.max(values) <= limits.max):
+                raise PointCloudError(f"field {name!r}: a value that is no {types[name]}")
+        points[name] = values
+    store = type_store().types
+    codes = {kind: code for code, kind in DATATYPES.items()}
+    seconds, nanoseconds = split_stamp(stamp_ns)
+    time = store["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
+    return store["sensor_msgs/msg/PointCloud2"](
+        header=store["std_msgs/msg/Header"](stamp=time, frame_id=frame_id),
+        height=1,
+        width=n,
+        fields=[
+            store["sensor_msgs/msg/PointField"](
+                name=name, offset=offsets[name], datatype=codes[types[name]], count=1
+            )
+            for name in columns
+        ],
+        is_bigendian=False,
+        point_step=step,
+        row_step=n * step,
+        data=np.frombuffer(points.tobytes(), dtype=np.uint8).copy(),
+        is_dense=True,
+    )

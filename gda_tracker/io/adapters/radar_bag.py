@@ -1,0 +1,91 @@
+"""Bags of what radars publish: ``PointCloud2``, ``RadarScan``, ``RadarTracks``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from gda_tracker.errors import UserError
+from gda_tracker.io.adapters.adapter import InputOptions, RecordingError
+from gda_tracker.io.adapters.radar_frames import recording_of_frames
+from gda_tracker.io.bags import Bag, BagError, read_bag
+from gda_tracker.io.radar.frames import RadarFrame
+from gda_tracker.io.radar.messages import RADAR_TYPES, frame_of_message
+from gda_tracker.vocabulary.recordings import Recording
+
+Report = Callable[[str], None]
+
+
+def radar_topics(bag: Bag) -> list[str]:
+    """Return the topics of a bag whose type is one of a radar's, by name."""
+    return sorted(topic.name for topic in bag.topics.values() if topic.type in RADAR_TYPES)
+
+
+def chosen_topic(bag: Bag, topic: str | None) -> str:
+    """Return the topic asked for, or the only one of a radar.
+
+    Raises
+    ------
+    RecordingError
+        If there is none or more than one, or the one asked for is not a radar's.
+    """
+    found = radar_topics(bag)
+    if topic is not None:
+        name = topic if topic in bag.topics else f"/{topic}"
+        if name in found:
+            return name
+        kind = f" ({bag.topics[name].type})" if name in bag.topics else ""
+        raise RecordingError(
+            f"{bag.path}: topic {topic}{kind}: allowed is one of "
+            f"{', '.join(found or sorted(bag.topics))}"
+        )
+    if len(found) != 1:
+        what = "several topics of radars" if found else "no topic of a radar"
+        raise RecordingError(
+            f"{bag.path}: {what}; choose with --topic: {', '.join(found) or ', '.join(RADAR_TYPES)}"
+        )
+    return found[0]
+
+
+def bag_frames(
+    path: Path, topic: str, report: Report, received: bool = False
+) -> Iterator[RadarFrame]:
+    """Yield the frames of a topic; messages that cannot be read are reported.
+
+    ``received`` takes the time of recording in place of the messages' own stamps.
+
+    Raises
+    ------
+    RecordingError
+        If nothing can be read.
+    """
+    try:
+        for number, record in enumerate(read_bag(path, [topic], report=report)):
+            stamp_ns = record.stamp_ns if received else None
+            try:
+                yield frame_of_message(record.message(), record.type, stamp_ns)
+            except UserError as error:
+                report(f"message {number} on {topic} is left out: {error}")
+    except BagError as error:
+        raise RecordingError(str(error)) from error
+
+
+def load_radar_bag(bag: Bag, options: InputOptions) -> Recording:
+    """Make a recording of a radar's topic.
+
+    Raises
+    ------
+    RecordingError
+        If the topic, the preset or its parameters do not fit.
+    """
+    topic = chosen_topic(bag, options.topic)
+    warnings: list[str] = []
+    received = (options.radar_input or {}).get("stamp_source") == "received"
+    frames = bag_frames(bag.path, topic, warnings.append, received)
+    preset = options.preset or bag.notes.get("preset")
+    name = bag.notes.get("name", bag.path.stem)
+    recording = recording_of_frames(bag.path, name, frames, options, preset)
+    recording.warnings[:0] = warnings
+    recording.origin = bag.notes.get("origin", "")
+    recording.notes.insert(0, f"topic {topic} ({bag.topics[topic].type})")
+    return recording

@@ -1,0 +1,123 @@
+"""One frame of a radar: named fields of N points and a stamp, whatever it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from gda_tracker.errors import UserError
+from gda_tracker.io.radar.conversion import RadarScan, detections_of_fields
+from gda_tracker.io.radar.ego_motion import SensorVelocity, estimate_sensor_velocity
+from gda_tracker.io.radar.input_parameters import RadarInputParameters
+from gda_tracker.parameters import ParameterError
+from gda_tracker.vocabulary.arrays import FloatArray
+
+Fields = dict[str, FloatArray]
+ReadFields = Callable[[Iterable[str], Mapping[str, str]], Fields]
+
+
+@dataclass(frozen=True, slots=True)
+class RadarFrame:
+    """What a radar published at once.
+
+    ``kind`` is the type of the message, or the kind of file. ``types`` are the declared types of
+    the fields by name, in their order; ``read`` returns those asked for, (N,) float64 each, read as
+    the types given in place of the declared ones. It raises a
+    :class:`~gda_tracker.errors.UserError` where the frame contradicts itself.
+    """
+
+    kind: str
+    stamp_ns: int
+    frame_id: str
+    types: Mapping[str, str]
+    read: ReadFields
+
+
+def frame_of_columns(kind: str, stamp_ns: int, frame_id: str, columns: Fields) -> RadarFrame:
+    """Return a frame of columns (N,) that are read already, e.g. of a text file."""
+
+    def read(names: Iterable[str], overrides: Mapping[str, str]) -> Fields:
+        if overrides:
+            raise ParameterError(
+                f"parameter field_types: allowed is none for a {kind}, whose fields are numbers "
+                "already"
+            )
+        return {name: columns[name] for name in names}
+
+    return RadarFrame(kind, stamp_ns, frame_id, dict.fromkeys(columns, "number"), read)
+
+
+def quantities_of_frame(frame: RadarFrame, parameters: RadarInputParameters) -> Fields:
+    """Return the fields of a frame by quantity, those of further attributes by their own name.
+
+    Raises
+    ------
+    UserError
+        If a field that the parameters name is not there, or cannot be read.
+    """
+    present = list(frame.types)
+    by_quantity = parameters.fields_of(present)
+    wanted = set(by_quantity.values())
+    for field in parameters.attributes.values():
+        if field not in present:
+            raise ParameterError(
+                f"parameter attribute_fields: {field}, but the fields are {', '.join(present)}"
+            )
+        if by_quantity.get(field, field) != field:
+            raise ParameterError(
+                f"parameter attribute_fields: {field} is also the name of a quantity that "
+                f"field_names takes from {by_quantity[field]}"
+            )
+        wanted.add(field)
+    overrides = {name: kind for name, kind in parameters.type_overrides.items() if name in wanted}
+    found = frame.read([name for name in present if name in wanted], overrides)
+    return {
+        **{field: found[field] for field in parameters.attributes.values()},
+        **{quantity: found[field] for quantity, field in by_quantity.items()},
+    }
+
+
+def detections_of_frame(
+    frame: RadarFrame, parameters: RadarInputParameters, sequence: int = 0
+) -> RadarScan:
+    """Make detections of a frame, as ``detections_of_fields`` does of fields.
+
+    Raises
+    ------
+    UserError
+        If there is no position among the fields, a field that the parameters name is not there, or
+        the frame contradicts itself.
+    """
+    fields = quantities_of_frame(frame, parameters)
+    return detections_of_fields(fields, parameters, frame.stamp_ns, frame.frame_id, sequence)
+
+
+def sensor_velocity(
+    frames: Iterable[RadarFrame], parameters: RadarInputParameters
+) -> SensorVelocity | None:
+    """Estimate the radar's own velocity from some frames, each for itself; return the median one.
+
+    ``None`` without range rates, or with too few points in every frame.
+    """
+    every = replace(
+        parameters,
+        sensor_speed_mps=0.0,
+        sensor_speed_left_mps=0.0,
+        sensor_motion="declared",
+        moving_above_mps=0.0,
+        cluster_distance_m=0.0,
+    )
+    found = []
+    for frame in frames:
+        try:
+            scan = detections_of_frame(frame, every).detections
+        except UserError:
+            continue  # whoever reads the frame for its detections hears of it
+        if scan.range_rate_mps is None:
+            continue
+        one = estimate_sensor_velocity(scan.azimuth_rad, scan.elevation_rad, scan.range_rate_mps)
+        if one is not None:
+            found.append(one)
+    if not found:
+        return None
+    return sorted(found, key=lambda one: (one.ahead_mps, one.left_mps))[len(found) // 2]
