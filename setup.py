@@ -17,6 +17,7 @@ NODES = (
     "scan_source",
     "evaluator",
     "recorder",
+    "radar_input",
 )
 
 

@@ -1,4 +1,4 @@
-"""The command line: ``gda-tracker demo | run | replay | record | say | evaluate | fuse``."""
+"""The command line: ``gda-tracker demo | inspect | run | replay | record | say | evaluate | fuse``."""
 
 from __future__ import annotations
 
@@ -35,21 +35,38 @@ COMMANDS = {
           gda-tracker demo
         """,
     ),
+    "inspect": Command(
+        "gda_tracker.commands.inspect",
+        "what a radar's topic, bag or file holds, and the parameters for it",
+        """
+        Prints the fields with types, ranges and guessed units and meanings, rates and stamps,
+        whether the radar cross sections can be true, the radar's own motion, and the preset that
+        fits, with the reason. Writes a parameter file ready to run.
+
+        examples:
+          gda-tracker inspect my_bag
+          gda-tracker inspect my_bag --topic /radar/points --yaml my_radar.yaml
+          gda-tracker inspect /radar/points --seconds 5
+        """,
+    ),
     "run": Command(
         "gda_tracker.commands.run",
         "run the tracker live: detections in, tracks out",
         """
         Runs the four nodes until Ctrl-C. They read the topic detections
         (gda_tracker_msgs/DetectionArray) and publish tracks, in the ROS domain of the environment.
+        With --input a fifth node, radar_input, makes detections of what a radar's driver publishes
+        (PointCloud2, RadarScan, RadarTracks), as a preset or a parameter file declares it.
 
         examples:
+          gda-tracker run --input /radar/points --preset continental_ars548
           gda-tracker run --params my_radar.yaml
           gda-tracker run --processes --method map/bayes/cv --namespace radar_1
         """,
     ),
     "replay": Command(
         "gda_tracker.commands.replay",
-        "track a recording: a bag, Autoferry JSON, a scan_npz file or a scenario",
+        "track a recording: a bag, a file of a radar, or a scenario",
         """
         Sends every scan of a recording through the tracker, by default through the four nodes as
         fast as they complete scans, losing none, in a ROS domain of its own.
@@ -58,6 +75,12 @@ COMMANDS = {
           gda-tracker replay scenario16_detections.json --tracks tracks.csv
           gda-tracker replay my_bag --offline --method map/bayes/cv --association-log why.jsonl
           gda-tracker replay my_bag --params my_radar.yaml --bag out_bag --rate 1
+          gda-tracker replay my_bag --topic /radar/points --preset ti_mmwave
+
+        recordings: bags with detections, or with PointCloud2, RadarScan or RadarTracks of a radar;
+        Autoferry JSON, scan_npz, mmWave text frames (.tar.xz or folder), Continental YAML scans,
+        CSV tables (docs/radars.md). A parameter file goes on top of a radar's preset, otherwise it
+        takes the place of the recording's own.
         """,
     ),
     "record": Command(

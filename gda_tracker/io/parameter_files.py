@@ -228,13 +228,24 @@ def _load(path: Path) -> Any:
         raise ParameterFileError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise ParameterFileError(f"{path}: not a text file") from error
+    return read_yaml(text, str(path))
+
+
+def read_yaml(text: str, source: str) -> Any:
+    """Return the content of YAML as ROS reads it; ``source`` names it in errors.
+
+    Raises
+    ------
+    ParameterFileError
+        If it is not YAML, or a key occurs twice.
+    """
     try:
         return yaml.load(text, _Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f" in line {mark.line + 1}" if mark is not None else ""
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise ParameterFileError(f"{path}: not YAML{line}: {problem}") from error
+        raise ParameterFileError(f"{source}: not YAML{line}: {problem}") from error
 
 
 # --- writing --------------------------------------------------------------------------------------

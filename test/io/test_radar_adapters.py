@@ -280,8 +280,8 @@ def test_the_preset_of_a_bag_is_guessed_named_or_noted(tmp_path):
     assert recording.notes[0] == f"topic /radar ({POINT_CLOUD})"
     with pytest.raises(RecordingError, match="range_rate=radar_relative_radial_velocity, but the"):
         load_recording(path, options=options(preset="provizio"))
-    noted = write(tmp_path / "noted", {"/radar": ti(5)}, {"preset": "mmwave_walk"})
-    assert load_recording(noted).preset_name == "mmwave_walk"
+    noted = write(tmp_path / "noted", {"/radar": ti(5)}, {"preset": "carla"})
+    assert load_recording(noted).preset_name == "carla"
     with pytest.raises(RecordingError, match="preset 'x': allowed is one of altos"):
         load_recording(path, options=options(preset="x"))
     with pytest.raises(RecordingError, match="parameter azimuth_sign = 0"):

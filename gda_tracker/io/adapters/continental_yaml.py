@@ -22,11 +22,10 @@ from gda_tracker.io.adapters.adapter import (
     first_bytes,
 )
 from gda_tracker.io.adapters.radar_frames import recording_of_frames
+from gda_tracker.io.radar.file_kinds import ARS548, SRR520
 from gda_tracker.io.radar.frames import RadarFrame, frame_of_columns
 from gda_tracker.vocabulary.recordings import Recording
 
-ARS548, SRR520 = "continental ars548 scan", "continental srr520 scan"
-PRESETS = {ARS548: "continental_ars548", SRR520: "continental_srr520"}
 # Names in the message -> in the point cloud.
 NAMES = {
     "azimuth_angle": "azimuth",
@@ -89,10 +88,7 @@ def load(path: Path, options: InputOptions = NO_OPTIONS) -> Recording:
     kinds = sorted({frame.kind for frame in found})
     if len(kinds) > 1:
         raise RecordingError(f"{path}: scans of different radars: {', '.join(kinds)}")
-    preset = PRESETS[kinds[0]]
-    # Here the radar cross sections are read from text: no type is declared wrongly.
-    fixed = {"field_types": []}
-    recording = recording_of_frames(path, path.stem, found, options, preset, fixed)
+    recording = recording_of_frames(path, path.stem, found, options)
     recording.origin = ORIGIN
     return recording
 

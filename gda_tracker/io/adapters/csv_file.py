@@ -39,11 +39,11 @@ from gda_tracker.io.adapters.adapter import (
     first_bytes,
 )
 from gda_tracker.io.adapters.radar_frames import NO_PRESET, recording_of_frames
+from gda_tracker.io.radar.file_kinds import CSV
 from gda_tracker.io.radar.frames import RadarFrame, frame_of_columns
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.recordings import Recording
 
-KIND = "csv"
 FRAME_ID = "radar"
 DEGREE = math.pi / 180.0
 NAUTICAL_MILE = 1852.0
@@ -132,7 +132,7 @@ def load(path: Path, options: InputOptions = NO_OPTIONS) -> Recording:
         If the file is not such a table, or a preset or parameter does not fit.
     """
     # The names of the columns have said what the units are.
-    fixed = {"angle_unit": "rad", "rcs_scale": 1.0, "rcs_offset": 0.0, "field_types": []}
+    fixed = {"angle_unit": "rad", "rcs_scale": 1.0, "rcs_offset": 0.0}
     names, _ = _rows(path)
     if any(COLUMNS.get(name, ("",))[0] == "rcs" for name in names):
         fixed["rcs_unit"] = "dbsm"
@@ -214,7 +214,7 @@ def _frame(stamp_ns: int, names: list[str], scan: list[list[float]]) -> RadarFra
     columns = {
         _field(name): _in_unit(values, name) for name, values in zip(names, table.T, strict=True)
     }
-    return frame_of_columns(KIND, stamp_ns, FRAME_ID, columns)
+    return frame_of_columns(CSV, stamp_ns, FRAME_ID, columns)
 
 
 def _in_unit(values: FloatArray, column: str) -> FloatArray:

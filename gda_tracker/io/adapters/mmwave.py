@@ -24,12 +24,11 @@ from gda_tracker.io.adapters.adapter import (
     first_bytes,
 )
 from gda_tracker.io.adapters.radar_frames import recording_of_frames
+from gda_tracker.io.radar.file_kinds import MMWAVE
 from gda_tracker.io.radar.frames import RadarFrame, frame_of_columns
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.recordings import Recording
 
-KIND = "mmwave text frame"
-PRESET = "mmwave_walk"
 XZ = b"\xfd7zXZ\x00"
 FRAME_ID = "radar"
 COLUMNS = (
@@ -78,7 +77,7 @@ def frames(path: Path) -> Iterator[RadarFrame]:
         if len(stamps) != 1 or not 0.0 <= stamps[0] < 1e15:
             raise RecordingError(f"{name}: column 10 is not one time [ms] for all rows")
         columns = dict(zip(COLUMNS[:-1], table.T, strict=False))
-        yield frame_of_columns(KIND, round(stamps[0] * 1e6), FRAME_ID, columns)
+        yield frame_of_columns(MMWAVE, round(stamps[0] * 1e6), FRAME_ID, columns)
 
 
 def load(path: Path, options: InputOptions = NO_OPTIONS) -> Recording:
@@ -90,7 +89,7 @@ def load(path: Path, options: InputOptions = NO_OPTIONS) -> Recording:
         If the path is not of this kind or a file cannot be read.
     """
     name = path.name.split(".")[0]
-    recording = recording_of_frames(path, name, frames(path), options, default_preset=PRESET)
+    recording = recording_of_frames(path, name, frames(path), options)
     recording.origin = ORIGIN
     return recording
 

@@ -13,7 +13,7 @@ from gda_tracker.io.adapters.adapter import InputOptions, RecordingError
 from gda_tracker.io.parameter_files import RADAR_INPUT, read_preset
 from gda_tracker.io.radar.frames import RadarFrame, detections_of_frame, sensor_velocity
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
-from gda_tracker.io.radar.presets import best_preset, presets_of
+from gda_tracker.io.radar.presets import OF_FILES, best_preset, presets_of
 from gda_tracker.parameters import from_mapping
 from gda_tracker.vocabulary.recordings import Recording
 
@@ -99,7 +99,8 @@ def _guess(path: Path, first: list[RadarFrame], options: InputOptions) -> tuple[
             f"--preset ({known}, {NO_PRESET}), or declare the fields in a parameter file: "
             f"gda-tracker inspect {path} --yaml FILE"
         )
-    return found, " (guessed from the fields)"
+    by_fields = first[0].kind not in OF_FILES
+    return found, " (guessed from the fields)" if by_fields else ""
 
 
 def _convert(

@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 from gda_tracker.errors import UserError
 from gda_tracker.io.radar.conversion import RadarScan, detections_of_fields
 from gda_tracker.io.radar.ego_motion import SensorVelocity, estimate_sensor_velocity
+from gda_tracker.io.radar.file_kinds import DETECTIONS
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
 from gda_tracker.parameters import ParameterError
 from gda_tracker.vocabulary.arrays import FloatArray
+from gda_tracker.vocabulary.scans import Detections
 
 Fields = dict[str, FloatArray]
 ReadFields = Callable[[Iterable[str], Mapping[str, str]], Fields]
@@ -34,14 +36,12 @@ class RadarFrame:
 
 
 def frame_of_columns(kind: str, stamp_ns: int, frame_id: str, columns: Fields) -> RadarFrame:
-    """Return a frame of columns (N,) that are read already, e.g. of a text file."""
+    """Return a frame of columns (N,) that are read already, e.g. of a text file.
+
+    Types in place of the declared ones change nothing: the fields are numbers.
+    """
 
     def read(names: Iterable[str], overrides: Mapping[str, str]) -> Fields:
-        if overrides:
-            raise ParameterError(
-                f"parameter field_types: allowed is none for a {kind}, whose fields are numbers "
-                "already"
-            )
         return {name: columns[name] for name in names}
 
     return RadarFrame(kind, stamp_ns, frame_id, dict.fromkeys(columns, "number"), read)
@@ -121,3 +121,18 @@ def sensor_velocity(
     if not found:
         return None
     return sorted(found, key=lambda one: (one.ahead_mps, one.left_mps))[len(found) // 2]
+
+
+def frame_of_detections(scan: Detections) -> RadarFrame:
+    """Return detections as a frame, with the fields that were measured; RCS in m2."""
+    columns = {
+        "range": scan.range_m,
+        "azimuth": scan.azimuth_rad,
+        "elevation": scan.elevation_rad,
+        "range_rate": scan.range_rate_mps,
+        "rcs": scan.rcs_m2,
+    }
+    measured = {name: values for name, values in columns.items() if values is not None}
+    if scan.attribute_values is not None:
+        measured.update(zip(scan.attribute_names, scan.attribute_values, strict=True))
+    return frame_of_columns(DETECTIONS, scan.stamp_ns, scan.frame_id, measured)

@@ -11,6 +11,11 @@ from gda_tracker.parameters import ParameterError, parameter
 ANGLE_UNITS = ("rad", "deg")
 RCS_UNITS = ("none", "dbsm", "m2")
 SENSOR_MOTIONS = ("declared", "estimated")
+# Types of messages that are read.
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+RADAR_SCAN = "radar_msgs/msg/RadarScan"
+RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
+RADAR_TYPES = (POINT_CLOUD, RADAR_SCAN, RADAR_TRACKS)
 STAMP_SOURCES = ("header", "received")
 # Names under which drivers publish a quantity, in the order in which they are looked for. A signal
 # strength is never taken for a radar cross section.
@@ -44,6 +49,14 @@ class RadarInputParameters:
     """What the fields of a radar mean, and which detections are passed on."""
 
     sensor_id: str = parameter("radar", "name of the sensor in all messages", live=False)
+    input_topic: str = parameter("points", "topic of the radar's driver", live=False)
+    input_type: str = parameter(
+        "",
+        "type of the topic; empty: the one that is found on it",
+        choices=("", *RADAR_TYPES),
+        live=False,
+        advanced=True,
+    )
     stamp_source: str = parameter(
         "header",
         "time of a scan: header (the message's own stamp) or received (when it came, for drivers "

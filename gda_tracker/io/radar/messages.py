@@ -14,14 +14,25 @@ from gda_tracker.errors import UserError
 from gda_tracker.io.fields import MessageError, stamp_from_time
 from gda_tracker.io.radar.conversion import RadarScan
 from gda_tracker.io.radar.frames import Fields, RadarFrame, detections_of_frame, frame_of_columns
-from gda_tracker.io.radar.input_parameters import RadarInputParameters
+from gda_tracker.io.radar.input_parameters import (
+    POINT_CLOUD,
+    RADAR_SCAN,
+    RADAR_TRACKS,
+    RADAR_TYPES,
+    RadarInputParameters,
+)
 from gda_tracker.io.radar.point_cloud import field_types, read_fields
 from gda_tracker.vocabulary.arrays import FloatArray
 
-POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
-RADAR_SCAN = "radar_msgs/msg/RadarScan"
-RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
-RADAR_TYPES = (POINT_CLOUD, RADAR_SCAN, RADAR_TRACKS)
+__all__ = [
+    "POINT_CLOUD",
+    "RADAR_SCAN",
+    "RADAR_TRACKS",
+    "RADAR_TYPES",
+    "RadarMessageError",
+    "detections_of_message",
+    "frame_of_message",
+]
 
 RETURN_FIELDS = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
 # Six numbers of a symmetric matrix: xx, xy, xz, yy, yz, zz.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gda_tracker.errors import UserError
+from gda_tracker.io.radar.file_kinds import ARS548, MMWAVE, SRR520
 from gda_tracker.io.radar.frames import RadarFrame
 from gda_tracker.io.radar.messages import POINT_CLOUD, RADAR_SCAN, RADAR_TRACKS
 
@@ -96,6 +97,14 @@ SIGNATURES = (
 )
 
 
+# Files, which say themselves what they are.
+OF_FILES = {
+    ARS548: "continental_ars548",
+    SRR520: "continental_srr520",
+    MMWAVE: "mmwave_walk",
+}
+
+
 def presets_of(kind: str) -> list[str]:
     """Return the presets for a kind of message."""
     return [signature.preset for signature in SIGNATURES if signature.kind == kind]
@@ -109,6 +118,8 @@ def fits(frames: Sequence[RadarFrame]) -> list[Fit]:
     frames = [frame for frame in frames if frame.types]
     if not frames:
         return []
+    if frames[0].kind in OF_FILES:
+        return [Fit(OF_FILES[frames[0].kind], 1.0, "by the kind of file")]
     found = [
         _fit(signature, frames) for signature in SIGNATURES if signature.kind == frames[0].kind
     ]
