@@ -1,4 +1,4 @@
-"""Inspection: statistics, stamps, what fields mean, whether an RCS can be one, parameters that run."""
+"""Inspection: statistics, stamps, meanings, plausible RCS, parameters that run."""
 
 import math
 

@@ -202,7 +202,6 @@ def test_what_does_not_fit_is_named():
     for values, message in (
         ({"attribute_fields": ["snr_db=snr"]}, "attribute_fields: snr, but the fields are x, y"),
         ({"field_names": ["x=u"]}, "x=u, but the fields are x, y"),
-        ({"field_types": ["x=float32"]}, "field_types: allowed is none for a csv"),
         (
             {"field_names": ["x=y", "y="], "attribute_fields": ["a=x"]},
             "x is also the name of a quantity that field_names takes from y",
