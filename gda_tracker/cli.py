@@ -1,4 +1,4 @@
-"""The command line: ``gda-tracker demo | inspect | run | replay | record | say | evaluate | fuse``."""
+"""The command line ``gda-tracker``: its commands, each in a module of its own."""
 
 from __future__ import annotations
 
