@@ -11,7 +11,6 @@ from gda_tracker.association.best_permutations import without_permutations
 from gda_tracker.association.choices import COALESCENCE_REMEDIES, DECISIONS, ENGINES, JPDA
 from gda_tracker.association.cluster_marginals import (
     EngineLimits,
-    JointWeights,
     cluster_marginals,
 )
 from gda_tracker.association.clustering import Clusters, find_clusters, gated_detections
@@ -25,6 +24,7 @@ from gda_tracker.association.generalised import (
 from gda_tracker.association.hypothesis_scores import score_hypotheses
 from gda_tracker.association.joint import MAX_ELEMENTS
 from gda_tracker.association.statements import statement_factors
+from gda_tracker.association.weightings import JointWeights
 from gda_tracker.kinematics.gating import GatedPairs
 from gda_tracker.parameters import parameter
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, IntArray

@@ -21,8 +21,8 @@ import numpy as np
 
 from gda_tracker.association.assignment import LOG_VANISHING
 from gda_tracker.association.choices import BEST_PERMUTATIONS, ENGINES
-from gda_tracker.association.cluster_marginals import JointWeights
 from gda_tracker.association.clustering import Clusters
+from gda_tracker.association.weightings import JointWeights
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
 
 MAX_PATTERNS = 200_000

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,26 +19,11 @@ from gda_tracker.association.engine_choice import MAX_KEPT_ENTRIES, always_subse
 from gda_tracker.association.errors import AssociationInputError, NoFeasibleHypothesis
 from gda_tracker.association.frontier import frontier_marginals, layers_of
 from gda_tracker.association.joint import bordered_marginals
+from gda_tracker.association.weightings import JointWeights
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, IntArray
 
 LOG_IDLE_PENALTY = 20.0
 """The loopy engine cannot bound the number of pairs; each idle step costs this much instead."""
-
-
-@dataclass(frozen=True, slots=True)
-class JointWeights:
-    """One weighting of the joint hypotheses of a scan, in logarithms.
-
-    ``log_pair`` (P,) is log w of each pair, ``log_idle`` (H + n + 1,) log r of each hypothesis,
-    then log c of each detection, then 0 for padding. Where ``least_assigned`` (G,) is given, only
-    hypotheses with at least so many pairs count. ``fallback`` makes the weighting for clusters
-    where every hypothesis has weight zero; without it their marginals are zero.
-    """
-
-    log_pair: FloatArray
-    log_idle: FloatArray
-    least_assigned: IntArray | None = None
-    fallback: Callable[[], JointWeights] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,9 @@ from scipy.optimize import linear_sum_assignment
 
 from gda_tracker.association.assignment import LOG_VANISHING
 from gda_tracker.association.choices import MISSED_TRACK_HYPOTHESES
-from gda_tracker.association.cluster_marginals import JointWeights
 from gda_tracker.association.clustering import Clusters
 from gda_tracker.association.errors import AssociationInputError
+from gda_tracker.association.weightings import JointWeights
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, IntArray
 
 

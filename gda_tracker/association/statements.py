@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gda_tracker.association.cluster_marginals import JointWeights
+from gda_tracker.association.weightings import JointWeights
 from gda_tracker.attributes.statement_meaning import Meaning
 from gda_tracker.attributes.statement_states import Rows, component_rows, hear, region_meanings
 from gda_tracker.kinematics.gaussian_filters import update

@@ -12,12 +12,12 @@ from gda_tracker.association.choices import (
 )
 from gda_tracker.association.cluster_marginals import (
     EngineLimits,
-    JointWeights,
     cluster_marginals,
 )
 from gda_tracker.association.clustering import find_clusters
 from gda_tracker.association.engine_choice import always_subsets, choose_engine
 from gda_tracker.association.subsets import operations
+from gda_tracker.association.weightings import JointWeights
 
 
 def choice(gate, max_exact_size, least_assigned=(0,)):
