@@ -230,6 +230,16 @@ def table(found: dict[tuple[str, str], np.ndarray]) -> str:
     return "\n".join(lines)
 
 
+def differences(found: dict[tuple[str, str], np.ndarray]) -> str:
+    """Paired differences to saying nothing, with their standard errors, a line each."""
+    lines = []
+    for (method, name), values in found.items():
+        if name != "nothing":
+            mean, error = mean_and_stderr(values - found[method, "nothing"])
+            lines.append(f"{method}, {name}: {mean:+.3f} +- {error:.3f}")
+    return "\n".join(lines)
+
+
 def picture(run: Run, method: str, names: tuple[str, ...]) -> Any:
     """Draw a run with several variants, side by side."""
     with canvas(3.6 * len(names), 4.4) as figure:
@@ -298,7 +308,7 @@ def main(arguments: list[str] | None = None) -> int:
     method, shown = "map/bayes/cv", args.shown
     if shown is None:
         found = measure(args.runs, args.seed)
-        print(table(found))
+        print(table(found), differences(found), sep="\n\n")
         swapped = np.flatnonzero(found[method, "nothing"] == 0.0)
         mended = [r for r in swapped if all(found[method, name][r] for name in SHOWN[1:])]
         if not mended:

@@ -56,6 +56,7 @@ def test_the_page_says_what_is_measured(page, script):
         mean, error = published[method, name]
         own = np.sqrt(max(mean * (1.0 - mean), 0.02) / RUNS)
         assert abs(fresh[method, name].mean() - mean) < 3.5 * np.hypot(own, error), name
+    assert f"{method}, track 1 is a fighter: " in script.differences(fresh)
     # Paired on the same runs, what is said decides.
     silent = fresh[method, "nothing"].mean()
     assert fresh[method, "track 1 is in this sector"].mean() > silent
@@ -68,7 +69,7 @@ def test_the_differences_in_the_text_are_those_of_the_table(page, script):
     silent = bayes["nothing"]
     for name, text in (
         ("the fighter is by the buoy", r"\(-(\.\d+) of"),
-        ("track 1 is a fighter", r"\(\+(\.\d+), within noise"),
+        ("track 1 is a fighter", r"\+(\.\d+) \+- \.\d+ \(paired\)"),
         ("wrong: it is the cargo by the buoy, .5", r"(\.\d+) of the runs for the place"),
         ("wrong: track 1 is a cargo, .5", r"(\.\d+) for the class"),
         ("wrong: track 1 is in the cargo's sector, .5", r"(\.\d+) for the\s+sector"),
