@@ -181,7 +181,7 @@ def test_the_factors_of_a_mixture_are_those_of_its_components(term):
     scores = ring.fusion(
         single, ring.fuzzifier(scan), pairs.hypothesis, pairs.detection, scan.statements
     )
-    expected = statement_factors(scan, single, scores, pairs)
+    expected = statement_factors(scan, single, scores, pairs.hypothesis, pairs.detection)
 
     def halves(shift_m):
         mean = np.repeat(single.component_mean, 2, axis=0)
@@ -195,12 +195,12 @@ def test_the_factors_of_a_mixture_are_those_of_its_components(term):
             component_covariance=np.repeat(single.component_covariance, 2, axis=0),
         )
 
-    found = statement_factors(scan, halves(0.0), scores, pairs)
+    found = statement_factors(scan, halves(0.0), scores, pairs.hypothesis, pairs.detection)
     np.testing.assert_allclose(found.log_idle, expected.log_idle, rtol=1e-9)
     np.testing.assert_allclose(found.log_pair, expected.log_pair, rtol=1e-9)
     moved = replace(single, component_mean=halves(50.0).component_mean[::2])
-    other = statement_factors(scan, moved, scores, pairs)
-    mixed = statement_factors(scan, halves(50.0), scores, pairs)
+    other = statement_factors(scan, moved, scores, pairs.hypothesis, pairs.detection)
+    mixed = statement_factors(scan, halves(50.0), scores, pairs.hypothesis, pairs.detection)
     low, high = sorted([expected.log_idle[0], other.log_idle[0]])
     assert low < mixed.log_idle[0] < high
     mean = np.log(0.5 * (np.exp(expected.log_idle[0]) + np.exp(other.log_idle[0])))
