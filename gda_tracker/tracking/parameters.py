@@ -393,14 +393,14 @@ class TrackManagerParameters:
         advanced=True,
     )
     imm_process_noise_factors: list[float] = parameter(
-        [0.3, 1.5],
+        [0.2, 1.3],
         "process noise of each model of imm, as a multiple of process_noise_std_mps2",
         minimum=0.0,
         minimum_excluded=True,
         advanced=True,
     )
     imm_mean_sojourn_s: list[float] = parameter(
-        [15.0, 15.0],
+        [20.0, 20.0],
         "mean time that a target stays in each model of imm before it changes to another",
         unit="s",
         minimum=0.0,
