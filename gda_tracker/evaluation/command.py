@@ -30,6 +30,8 @@ scans, and prints how often each track got the detection of its own target.
 A method is decision/attribute/filter:
   decision   gda  the 2004 chapter: 1 - P_k P_a and Munkres
              map  the most probable joint hypothesis
+             mht  over several scans: hypothesis trees, revised for 8 scans
+                  (docs/mht.md)
              jpda all detections in the gate, each as far as it is probable;
                   scored by the most probable joint hypothesis
   attribute  none         kinematics alone
@@ -47,6 +49,8 @@ Reading the table
               mean over tracks and runs, +- its standard error. One run's purity
               scatters by about 0.27: compare methods by the paired difference,
               not by two purities from different calls.
+  delayed     the same with the past as it is seen N scans later, for methods
+              that revise it (mht)
   missed, FA  share of scans on which a track got no detection, or a false alarm
   CPU         processor time of the whole ring per scan, one core
 

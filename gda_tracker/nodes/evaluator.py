@@ -51,11 +51,12 @@ class EvaluatorParameters:
 
 
 class EvaluatorNode(RingNode):
-    """``tracks``, ``truth``, ``initial_tracks`` and ``scan_reports`` in, scores out."""
+    """``tracks``, ``tracks_delayed``, ``truth``, ``initial_tracks``, ``scan_reports`` in, scores out."""
 
     def __init__(self, parameters: Mapping[str, Any] | None = None, **options: Any) -> None:
         super().__init__("evaluator", EvaluatorParameters, parameters, **options)
         self._tracks: dict[tuple[str, int], Tracks] = {}
+        self._delayed: dict[tuple[str, int], Tracks] = {}
         self._truth: dict[tuple[str, int], ScanTruth] = {}
         self._latency: dict[tuple[str, int], float] = {}
         self._labelled = False
@@ -63,7 +64,15 @@ class EvaluatorNode(RingNode):
 
     def open_topics(self) -> None:
         """Subscribe."""
-        self.subscribe(msg.TrackArray, "tracks", self._on_tracks, stream(1000))
+        self.subscribe(
+            msg.TrackArray, "tracks", lambda m: self._on_tracks(m, self._tracks), stream(1000)
+        )
+        self.subscribe(
+            msg.TrackArray,
+            "tracks_delayed",
+            lambda m: self._on_tracks(m, self._delayed),
+            stream(1000),
+        )
         self.subscribe(msg.ScanTruth, "truth", self._on_truth, stream(1000))
         self.subscribe(msg.ScanReport, "scan_reports", self._on_report, stream(1000))
         self.subscribe(msg.TrackArray, "initial_tracks", self._on_initial, latched())
@@ -79,13 +88,13 @@ class EvaluatorNode(RingNode):
             return
         store[key] = value
 
-    def _on_tracks(self, message: Any) -> None:
+    def _on_tracks(self, message: Any, store: dict[tuple[str, int], Tracks]) -> None:
         try:
             tracks = tracks_from_message(message)
         except MessageError as error:
             self.drop("malformed_tracks", str(error))
             return
-        self._keep(self._tracks, (tracks.key.sensor_id, tracks.key.stamp_ns), tracks)
+        self._keep(store, (tracks.key.sensor_id, tracks.key.stamp_ns), tracks)
 
     def _on_truth(self, message: Any) -> None:
         try:
@@ -148,6 +157,11 @@ class EvaluatorNode(RingNode):
         if self._labelled:
             result["purity_per_run"] = [run_purity(run) for run in runs]
             result["purity_mean"] = float(np.mean(result["purity_per_run"]))
+            delayed = pair_with_truth(self._delayed, self._truth)
+            if delayed:
+                # Of the scans whose past has been told; those of the last N scans are not yet.
+                result["purity_delayed_per_run"] = [run_purity(run) for run in delayed]
+                result["purity_delayed_mean"] = float(np.mean(result["purity_delayed_per_run"]))
         return result
 
     def figures(self) -> dict[str, Any]:

@@ -35,12 +35,13 @@ from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.jpda_update import update_by_marginals
 from gda_tracker.tracking.life import judge
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
-from gda_tracker.tracking.mht.delayed import pass_on, past_of, tell_all
+from gda_tracker.tracking.mht.delayed import StepBack, generation_of, pass_on, past_of, tell_all
 from gda_tracker.tracking.mht.generations import Generation, settle
 from gda_tracker.tracking.mht.growth import coast, grow
 from gda_tracker.tracking.mht.start import fit, start_numbers, start_scores
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.predictions import predictions_of
+from gda_tracker.tracking.state_retrodiction import retrodict_states
 from gda_tracker.tracking.state_update import (
     count_detections,
     predict_states,
@@ -226,7 +227,7 @@ class TrackManager:
             return replace(report, outcome="rejected", reason=reason, tracks_confirmed=0)
         self.opened = None
         self._apply_parameters()
-        self.delayed = tell_all(state, self._tell)
+        self.delayed = self.rest_of_delayed()
         self.state = ManagerState(
             table=hypotheses_of_tracks(initial, state.next_track_id, state.next_hypothesis_id),
             next_track_id=state.next_track_id + n,
@@ -482,12 +483,8 @@ class TrackManager:
     ) -> tuple[Tracks, ScanReport]:
         """Move the state on; ``past`` are the trees' generations before this scan."""
         state = self.state
-        if past:
-            parent_id = table.parent_id[table.chosen]
-            kept = self.parameters.mht_scans - 1
-            state.generations, self.delayed = pass_on(past, parent_id, kept, self._tell)
-        else:
-            self.delayed = tell_all(state, self._tell)
+        if not past:
+            self.delayed = self.rest_of_delayed()
             state.generations = []
         state.table, state.points = table, points
         state.next_detection_number += len(opened.scan)
@@ -499,6 +496,11 @@ class TrackManager:
         state.last_key, state.last_ns = key, key.stamp_ns
         state.deleted_track_id = deleted
         state.degraded = outcome != "tracked"
+        newest = generation_of(state)
+        if past and newest is not None:
+            state.generations, self.delayed = pass_on(
+                past, newest, self.parameters.mht_scans - 1, self._tell, self._step_back
+            )
         state.scans_closed += 1
         tracks = int(np.count_nonzero(table.chosen))
         confirmed_tracks = int(np.count_nonzero(table.chosen & (table.status == CONFIRMED)))
@@ -528,7 +530,15 @@ class TrackManager:
 
     def rest_of_delayed(self) -> list[Tracks]:
         """Tracks of the last scans with their revised past, as if no further scan came."""
-        return tell_all(self.state, self._tell)
+        return tell_all(self.state, self._tell, self._step_back)
+
+    @property
+    def _step_back(self) -> StepBack | None:
+        """How states of ``tracks_delayed`` are retrodicted, if they are."""
+        p = self.parameters
+        if not p.mht_retrodiction:
+            return None
+        return lambda earlier, later, dt_s: retrodict_states(earlier, later, dt_s, p)
 
     def _tell(
         self, table: HypothesisTable, key: ScanKey, deleted: IntArray, degraded: bool

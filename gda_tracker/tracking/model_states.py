@@ -53,16 +53,27 @@ def predict_models(
     table = with_models(table, parameters)
     if not len(table) or dt_s == 0.0:
         return table
-    transition, noise = _models(
-        dt_s, parameters.process_noise_std_mps2, tuple(parameters.imm_process_noise_factors)
-    )
-    switching = imm.sojourn_transition(dt_s, parameters.imm_mean_sojourn_s)
+    transition, noise = model_matrices(dt_s, parameters)
+    switching = switching_matrix(dt_s, parameters)
     weight, mean, covariance = imm.mix(
         table.model_weight, table.model_mean, table.model_covariance, switching
     )
     predicted = table.copy()
-    _set(predicted, weight, *imm.predict(mean, covariance, transition, noise))
+    set_models(predicted, weight, *imm.predict(mean, covariance, transition, noise))
     return predicted
+
+
+def model_matrices(
+    dt_s: float, parameters: TrackManagerParameters
+) -> tuple[FloatArray, FloatArray]:
+    """F and Q (M, s, s) of the models over ``dt_s`` [s]."""
+    factors = tuple(parameters.imm_process_noise_factors)
+    return _models(dt_s, parameters.process_noise_std_mps2, factors)
+
+
+def switching_matrix(dt_s: float, parameters: TrackManagerParameters) -> FloatArray:
+    """Probabilities (M, M) of the changes of model in ``dt_s`` [s], [j, i] to j from i."""
+    return imm.sojourn_transition(dt_s, parameters.imm_mean_sojourn_s)
 
 
 @lru_cache(maxsize=256)
@@ -110,10 +121,10 @@ def update_models(
     weight[rows], _ = imm.reweight(table.model_weight[rows], log_likelihood.reshape(-1, count))
     mean[rows] = new_mean.reshape(-1, count, size)
     covariance[rows] = new_covariance.reshape(-1, count, size, size)
-    _set(table, weight, mean, covariance)
+    set_models(table, weight, mean, covariance)
 
 
-def _set(
+def set_models(
     table: HypothesisTable, weight: FloatArray, mean: FloatArray, covariance: FloatArray
 ) -> None:
     """Give a table its mixtures and their moments."""

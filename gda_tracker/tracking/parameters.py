@@ -209,6 +209,12 @@ class TrackManagerParameters:
         choices=MISSED_TRACK_HYPOTHESES,
         advanced=True,
     )
+    mht_retrodiction: bool = parameter(
+        True,
+        "mht: states of tracks_delayed are retrodicted: they know the detections of the N scans "
+        "after them",
+        advanced=True,
+    )
     mht_leaf_probability: float = parameter(
         1e-3,
         "mht: branches less probable are cut",

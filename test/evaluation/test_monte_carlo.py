@@ -11,6 +11,7 @@ import pytest
 
 from gda_tracker.evaluation.monte_carlo import monte_carlo
 from gda_tracker.evaluation.statistics import mean_and_stderr
+from gda_tracker.evaluation.table import format_result
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.scenarios import load_scenario
 
@@ -91,6 +92,25 @@ def test_the_json_is_that_of_the_command(alone):
         assert method["missed"] == pytest.approx(confusion[:, 2].mean())
         assert method["false_alarm"] == pytest.approx(confusion[:, 3].mean())
     json.dumps(found, allow_nan=False)
+
+
+def test_methods_that_revise_the_past_have_a_delayed_purity(scenarios):
+    """Scored run by run from what the ring tells later, to the last scan."""
+    result = monte_carlo(scenarios[1:2], ["map/bayes/cv", "mht/bayes/cv"], 4, 2, workers=1)[0]
+    once, trees = result.to_dict()["methods"]
+    assert "purity_delayed_mean" not in once
+    assert result.methods[0].delayed is None
+    delayed = result.methods[1].delayed
+    assert delayed.shape == (4,)
+    assert trees["purity_delayed_mean"] == pytest.approx(delayed.mean())
+    assert trees["purity_delayed_stderr"] == pytest.approx(delayed.std(ddof=1) / 2.0)
+    assert trees["purity_delayed_mean"] > trees["purity_mean"] > once["purity_mean"]
+    text = format_result(result)
+    assert f"{trees['purity_delayed_mean']:.3f}" in next(
+        line for line in text.splitlines() if line.startswith("mht/bayes/cv")
+    )
+    assert "delayed" in text
+    assert "delayed" not in format_result(monte_carlo(scenarios[:1], METHODS[:1], 1, 2)[0])
 
 
 def test_differences_are_paired(alone):

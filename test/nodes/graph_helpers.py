@@ -96,6 +96,19 @@ def offline(plays: list[Playback], parameters: Mapping) -> dict[tuple[str, int],
     return found
 
 
+def offline_delayed(plays: list[Playback], parameters: Mapping) -> dict[tuple[str, int], Tracks]:
+    """What the offline ring tells with delay, by sensor and stamp, as far as it is final."""
+    ring = Ring(parameters)
+    told = []
+    for play in plays:
+        if play.initial is not None:
+            ring.initialise(play.initial)
+            told += ring.manager.delayed
+        for detections in play.detections:
+            told += ring.process(detections).delayed
+    return {(tracks.key.sensor_id, tracks.key.stamp_ns): tracks for tracks in told}
+
+
 def differences(found: Mapping, expected: Mapping) -> list[str]:
     """Where two sets of tracks are not bit for bit the same."""
     told = []

@@ -52,7 +52,7 @@ def test_every_scan_is_told_once_in_order_and_no_detection_goes_to_two_tracks():
 
 def test_the_past_told_is_the_walk_back_from_the_chosen_leaves():
     """Told by dictionaries of all nodes ever, not by the tables that the manager keeps."""
-    ring = trees()
+    ring = trees(mht_retrodiction=False)
     nodes, chosen, told = {}, [], {}
     for k, scan in enumerate(SCANS):
         result = ring.process(scan)
@@ -90,6 +90,45 @@ def test_the_past_told_is_the_walk_back_from_the_chosen_leaves():
             moved += leaf not in chosen[k]
         assert not expected
     assert moved, "hindsight never changed anything"
+
+
+@pytest.mark.parametrize("filter_name", ["cv", "imm"])
+def test_delayed_states_know_what_came_later(filter_name):
+    """Retrodicted by plain formulas from the filtered states, and nearer to the truth."""
+    rng, scans, truth = np.random.default_rng(3), [], []
+    for k in range(30):
+        truth.append(moving(k, (3000.0, 1000.0), (20.0, -10.0)))
+        scan = scan_at(k, [truth[-1]])
+        scan.range_m += rng.normal(0.0, 10.0)
+        scan.azimuth_rad += rng.normal(0.0, 0.001 * 3)
+        scans.append(scan)
+    parameters = {
+        "filter": filter_name,
+        "azimuth_std_rad": 0.003,
+        "process_noise_std_mps2": 1.0,
+        "clutter_density_per_m_rad": 1e-6,
+    }
+    results, delayed = run(trees(**parameters), scans)
+    filtered = np.array([r.tracks.mean[0] for r in results[12:]])
+    smoothed = np.array([d.mean[0] for d in delayed[12:]])
+    error = [np.square(v[:, :2] - truth[12:]).sum(axis=1).mean() for v in (filtered, smoothed)]
+    assert error[1] < 0.7 * error[0]
+    np.testing.assert_array_equal(smoothed[-1], filtered[-1])
+    if filter_name == "imm":
+        return
+    f = np.eye(4)
+    f[0, 2] = f[1, 3] = 1.0
+    g = np.array([[0.5, 0], [0, 0.5], [1.0, 0], [0, 1.0]])
+    for k in (10, 20, 28):
+        last = min(k + DEPTH, 29)
+        mean, spread = results[last].tracks.mean[0], results[last].tracks.covariance[0]
+        for earlier in range(last - 1, k - 1, -1):
+            x, p = results[earlier].tracks.mean[0], results[earlier].tracks.covariance[0]
+            predicted = f @ p @ f.T + g @ g.T
+            gain = p @ f.T @ np.linalg.inv(predicted)
+            mean, spread = x + gain @ (mean - f @ x), p + gain @ (spread - predicted) @ gain.T
+        np.testing.assert_allclose(delayed[k].mean[0], mean, rtol=0, atol=1e-7)
+        np.testing.assert_allclose(delayed[k].covariance[0], spread, rtol=1e-7, atol=1e-9)
 
 
 def test_a_track_that_has_ended_is_in_the_past_told_as_long_as_it_lived():

@@ -1,4 +1,8 @@
-"""The past as the present sees it: tracks of the scan N scans ago."""
+"""The past as the present sees it: tracks of the scan N scans ago.
+
+Which detections a track had is read off the path to its chosen leaf; its states are retrodicted
+along this path, from the present back (Koch 2014, 3.4).
+"""
 
 from __future__ import annotations
 
@@ -16,6 +20,17 @@ from gda_tracker.vocabulary.tracks import Tracks
 
 Tell = Callable[[HypothesisTable, ScanKey, IntArray, bool], Tracks]
 """Makes tracks of a table with one row for each, a key, deleted ids and ``degraded``."""
+StepBack = Callable[[HypothesisTable, HypothesisTable, float], HypothesisTable]
+"""Retrodicts a table by the one after it, row by row, over the time between them [s]."""
+_STATE_FIELDS = ("mean", "covariance", "model_weight", "model_mean", "model_covariance")
+
+
+def generation_of(state: ManagerState) -> Generation | None:
+    """Nodes of the last closed scan; none but under ``mht``."""
+    if state.last_key is None or not state.table.detection_numbers.shape[1]:
+        return None
+    settled = np.zeros(len(state.table), dtype=np.bool_)
+    return Generation(state.last_key, state.table, settled, state.deleted_track_id, state.degraded)
 
 
 def past_of(state: ManagerState) -> list[Generation]:
@@ -23,40 +38,85 @@ def past_of(state: ManagerState) -> list[Generation]:
 
     They are copies: to mark what has settled in them leaves the state as it is.
     """
-    if state.last_key is None or not state.table.detection_numbers.shape[1]:
+    newest = generation_of(state)
+    if newest is None:
         return []
-    nothing = np.zeros(len(state.table), dtype=np.bool_)
-    newest = Generation(
-        state.last_key, state.table, nothing, state.deleted_track_id, state.degraded
-    )
     return [*(replace(generation) for generation in state.generations), newest]
 
 
 def pass_on(
-    generations: Sequence[Generation], parent_id: IntArray, keep: int, tell: Tell
+    past: Sequence[Generation],
+    leaves: Generation,
+    keep: int,
+    tell: Tell,
+    step_back: StepBack | None,
 ) -> tuple[list[Generation], list[Tracks]]:
     """Tell the past of the generations beyond the ``keep`` newest.
 
-    ``parent_id`` (T,) are the parents of the chosen leaves, in the newest of the generations.
+    Parameters
+    ----------
+    past
+        Oldest first.
+    leaves
+        The scan after the newest of them; its chosen rows decide.
+    keep
+        Number of generations to keep.
+    tell
+        Makes the tracks.
+    step_back
+        Retrodicts the states; ``None`` leaves them as they were filtered.
 
     Returns
     -------
     kept, told
         The generations that stay, and the tracks of those that went, oldest first.
     """
-    surplus = max(len(generations) - keep, 0)
+    surplus = max(len(past) - keep, 0)
     if not surplus:
-        return list(generations), []
-    rows = path(generations, parent_id)
-    told = [
-        tell(g.table.select(spoken), g.key, g.deleted_track_id, g.degraded)
-        for g, spoken in zip(generations[:surplus], rows, strict=False)
-    ]
-    return list(generations[surplus:]), told
+        return list(past), []
+    later, chosen = leaves, leaves.table.select(leaves.table.chosen)
+    rows = path(past, chosen.parent_id)
+    told = []
+    for place in range(len(past) - 1, -1, -1):
+        generation = past[place]
+        if place >= surplus and step_back is None:
+            continue
+        table = generation.table.select(rows[place])
+        if step_back is not None:
+            dt_s = (later.key.stamp_ns - generation.key.stamp_ns) / 1e9
+            table = _retrodicted(table, chosen, dt_s, step_back)
+        if place < surplus:
+            told.append(
+                tell(table, generation.key, generation.deleted_track_id, generation.degraded)
+            )
+        later, chosen = generation, table
+    return list(past[surplus:]), told[::-1]
 
 
-def tell_all(state: ManagerState, tell: Tell) -> list[Tracks]:
+def tell_all(state: ManagerState, tell: Tell, step_back: StepBack | None) -> list[Tracks]:
     """Tell the past of all scans that is still open, as the chosen leaves have it now."""
-    generations = past_of(state)
-    chosen = state.table.hypothesis_id[state.table.chosen]
-    return pass_on(generations, chosen, 0, tell)[1]
+    newest = generation_of(state)
+    if newest is None:
+        return []
+    told = pass_on(state.generations, newest, 0, tell, step_back)[1]
+    chosen = newest.table.select(newest.table.chosen)
+    return [*told, tell(chosen, newest.key, newest.deleted_track_id, newest.degraded)]
+
+
+def _retrodicted(
+    table: HypothesisTable, later: HypothesisTable, dt_s: float, step_back: StepBack
+) -> HypothesisTable:
+    """The table with the states of those tracks that live in ``later`` retrodicted."""
+    if not len(table) or not len(later):
+        return table
+    place = np.minimum(np.searchsorted(later.track_id, table.track_id), len(later) - 1)
+    live = np.flatnonzero(later.track_id[place] == table.track_id)
+    if len(live) == len(table) == len(later):
+        return step_back(table, later, dt_s)
+    found = step_back(table.select(live), later.select(place[live]), dt_s)
+    mended = table.copy()
+    for name in _STATE_FIELDS:
+        values = getattr(table, name).copy()
+        values[live] = getattr(found, name)
+        setattr(mended, name, values)
+    return mended
