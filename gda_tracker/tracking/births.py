@@ -9,6 +9,8 @@ from gda_tracker.tracking.history_window import begin_windows
 from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
 from gda_tracker.tracking.initiation import NewTracks, StartPoints, bounded_speed, start_tracks
 from gda_tracker.tracking.lifecycle import confirmed
+from gda_tracker.tracking.manager_state import ManagerState, OpenScan
+from gda_tracker.tracking.mht.start import start_numbers, start_scores
 from gda_tracker.tracking.model_states import with_models
 from gda_tracker.tracking.parameters import M_OF_N, TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
@@ -16,6 +18,65 @@ from gda_tracker.vocabulary.beliefs import Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
 from gda_tracker.vocabulary.scans import Scan
 from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE
+
+
+def begin_tracks(
+    opened: OpenScan,
+    table: HypothesisTable,
+    associations: Associations,
+    evidence: Evidence | None,
+    state: ManagerState,
+    parameters: TrackManagerParameters,
+) -> tuple[HypothesisTable, StartPoints, int]:
+    """Append what starts from the unassigned detections of a scan, as far as there is room.
+
+    Parameters
+    ----------
+    opened
+        The scan.
+    table
+        The hypotheses after it.
+    associations
+        Says which detections are assigned to the hypotheses before it.
+    evidence
+        Of the scan, if the attribute was asked.
+    state
+        Gives the start points and the next ids, which move on.
+    parameters
+        Of the track manager.
+
+    Returns
+    -------
+    table, points, refused
+        The table with what has started, the detections that wait for a second one, and how many
+        tracks found no room.
+    """
+    p, scan = parameters, opened.scan
+    points = StartPoints() if opened.started else state.points
+    if p.initiation != "automatic":
+        return table, points, 0
+    unassigned = unassigned_detections(
+        scan, associations, opened.table.status, p.initiation_outside_gates
+    )
+    number = state.next_detection_number
+    new, points = new_tracks(points, scan, unassigned, number, p)
+    room = p.max_tracks - int(np.count_nonzero(table.chosen))
+    count = min(len(new.detection), max(room, 0))
+    refused = len(new.detection) - count
+    if not count:
+        return table, points, refused
+    born = hypotheses_of_births(
+        new, count, scan, evidence, table, state.next_track_id, state.next_hypothesis_id, p
+    )
+    width = table.detection_numbers.shape[1]
+    if width:
+        started = new.select(slice(count))
+        density = opened.predictions.settings.clutter_density
+        born.log_score = start_scores(started, scan, density, p)
+        born.detection_numbers = start_numbers(started, number, width)
+    state.next_hypothesis_id += count
+    state.next_track_id += count
+    return table.append(born), points, refused
 
 
 def unassigned_detections(

@@ -20,11 +20,7 @@ import numpy as np
 
 from gda_tracker.association.choices import JPDA
 from gda_tracker.tracking.answers import Inconsistent, check_answers
-from gda_tracker.tracking.births import (
-    hypotheses_of_births,
-    new_tracks,
-    unassigned_detections,
-)
+from gda_tracker.tracking.births import begin_tracks
 from gda_tracker.tracking.clutter import clutter_after, densities_of_hypotheses
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
 from gda_tracker.tracking.extraction import scan_increments
@@ -38,7 +34,7 @@ from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.mht.delayed import StepBack, generation_of, pass_on, past_of, tell_all
 from gda_tracker.tracking.mht.generations import Generation, settle
 from gda_tracker.tracking.mht.growth import coast, grow
-from gda_tracker.tracking.mht.start import fit, start_numbers, start_scores
+from gda_tracker.tracking.mht.start import fit
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.predictions import predictions_of
 from gda_tracker.tracking.state_retrodiction import retrodict_states
@@ -444,33 +440,12 @@ class TrackManager:
         evidence: Evidence | None,
     ) -> tuple[HypothesisTable, StartPoints]:
         """Append what starts from the unassigned detections, as far as there is room."""
-        p, state, scan = self.parameters, self.state, opened.scan
-        points = StartPoints() if opened.started else state.points
-        if p.initiation != "automatic":
-            return table, points
-        unassigned = unassigned_detections(
-            scan, associations, opened.table.status, p.initiation_outside_gates
+        grown, points, refused = begin_tracks(
+            opened, table, associations, evidence, self.state, self.parameters
         )
-        number = state.next_detection_number
-        new, points = new_tracks(points, scan, unassigned, number, p)
-        room = p.max_tracks - int(np.count_nonzero(table.chosen))
-        count = min(len(new.detection), max(room, 0))
-        if count < len(new.detection):
-            self.counters["max_tracks_reached"] += len(new.detection) - count
-        if not count:
-            return table, points
-        born = hypotheses_of_births(
-            new, count, scan, evidence, table, state.next_track_id, state.next_hypothesis_id, p
-        )
-        width = table.detection_numbers.shape[1]
-        if width:
-            started = new.select(slice(count))
-            density = opened.predictions.settings.clutter_density
-            born.log_score = start_scores(started, scan, density, p)
-            born.detection_numbers = start_numbers(started, number, width)
-        state.next_hypothesis_id += count
-        state.next_track_id += count
-        return table.append(born), points
+        if refused:
+            self.counters["max_tracks_reached"] += refused
+        return grown, points
 
     def _finish(
         self,
