@@ -168,7 +168,10 @@ class Associator:
                 scan, predictions, scores, pairs.hypothesis, pairs.detection
             )
         if settings.decision == "mht":
-            return score_hypotheses(scan, predictions, scores, pairs, factors)
+            scored = score_hypotheses(scan, predictions, scores, pairs, factors)
+            if np.isnan(scored.joint_marginal).any():
+                _name_culprit(predictions, scores, pairs)
+            return scored
         known = groundwork or self.lay_groundwork(scan, predictions, pairs)
         gated, clusters, kinematic = known.gated, known.clusters, known.kinematic
         if factors is not None:

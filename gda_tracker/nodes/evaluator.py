@@ -51,7 +51,7 @@ class EvaluatorParameters:
 
 
 class EvaluatorNode(RingNode):
-    """``tracks``, ``tracks_delayed``, ``truth``, ``initial_tracks``, ``scan_reports`` in, scores out."""
+    """``tracks`` and ``tracks_delayed``, ``truth``, ``initial_tracks``, reports in, scores out."""
 
     def __init__(self, parameters: Mapping[str, Any] | None = None, **options: Any) -> None:
         super().__init__("evaluator", EvaluatorParameters, parameters, **options)

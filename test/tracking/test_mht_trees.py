@@ -346,8 +346,8 @@ def test_certain_detection_and_no_clutter_have_an_answer():
 
 def test_a_tentative_track_that_loses_its_detections_to_another_ends_and_leaves_no_past():
     """Two starts may not both be told to have used one detection."""
-    ring = trees(confirmation_hits=4, confirmation_scans=6)
-    results, delayed = run(ring, simulated(40, n_targets=2, clutter=40, seed=6))
+    ring = trees(confirmation_hits=4, confirmation_scans=6, deletion_misses=2, mht_scans=6)
+    results, delayed = run(ring, simulated(60, n_targets=4, clutter=60, seed=6))
     for tracks in delayed:
         assert_no_detection_twice(tracks)
     ids = [set(r.tracks.track_id.tolist()) for r in results]
@@ -355,3 +355,25 @@ def test_a_tentative_track_that_loses_its_detections_to_another_ends_and_leaves_
     # Every track that is no longer there was said to have ended.
     for k in range(1, len(results)):
         assert ids[k - 1] - ids[k] == gone[k]
+
+
+def test_what_a_track_had_when_it_ended_no_other_track_turns_out_to_have_had():
+    ring = trees(deletion_misses=1, mht_leaf_probability=0.0, mht_leaves_per_track=30)
+    rng, held, checked = np.random.default_rng(2), {}, 0
+    for k in range(60):
+        # A crowd: everything is in the gate of everything.
+        place = np.array([2000.0, 1000.0]) + rng.normal(0.0, 60.0, (int(rng.integers(1, 7)), 2))
+        result = ring.process(scan_at(k, place))
+        table = ring.manager.state.table
+        used, chosen = table.detection_numbers, table.detection_numbers[table.chosen]
+        for track in result.tracks.deleted_track_id.tolist():
+            kept = held[track]
+            if np.isin(chosen, kept).any():
+                continue  # it has ended because these were another's
+            checked += len(kept) > 0
+            assert not np.isin(used, kept).any()
+        # Only what is surely still looked at after the next scan.
+        numbers = table.detection_numbers[table.chosen][:, : DEPTH - 1]
+        tracks = table.track_id[table.chosen].tolist()
+        held = {t: n[n >= 0] for t, n in zip(tracks, numbers, strict=True)}
+    assert checked > 10

@@ -226,7 +226,10 @@ def _live_and_end(
     table.status = leading.status[track]
     table.log_likelihood_ratio = leading.log_likelihood_ratio[track]
     if gone.any():
-        table = table.select(~gone[track])
+        # What ends keeps its detections: no other track may turn out to have had them.
+        kept = leading.detection_numbers[gone]
+        taken = np.isin(table.detection_numbers, kept[kept >= 0]).any(axis=1)
+        table = table.select(~gone[track] & (table.chosen | ~taken))
     # The global hypothesis has no room for some: they end too, and leave no past.
     left = before.chosen & ~np.isin(before.track_id, table.track_id)
     return Growth(table, before.track_id[left], leading.parent_id[gone], decided.assigned_detection)
