@@ -15,12 +15,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from gda_tracker.io.parameter_files import RADAR_INPUT, parameter_yaml  # noqa: E402
+from gda_tracker.io.parameter_files import RADAR_INPUT, parameter_yaml, read_preset  # noqa: E402
 from gda_tracker.io.radar.input_parameters import RadarInputParameters  # noqa: E402
-from gda_tracker.parameters import Specification, specifications  # noqa: E402
+from gda_tracker.io.radar.presets import SIGNATURES  # noqa: E402
+from gda_tracker.parameters import Specification, from_mapping, specifications  # noqa: E402
 from gda_tracker.tracking.ring import STAGE_TABLES  # noqa: E402
 
 BEGIN, END = "<!-- parameters: begin (generated) -->", "<!-- parameters: end -->"
+PRESETS_BEGIN, PRESETS_END = "<!-- presets: begin (generated) -->", "<!-- presets: end -->"
 HEADS = {
     False: "# The parameters that a new radar needs, with their defaults. Copy, change, give to\n"
     "#   gda-tracker run --params FILE      or      ros2 run ... --ros-args --params-file FILE\n"
@@ -59,12 +61,38 @@ def tables(advanced: bool | None, nodes: Mapping[str, type] = STAGE_TABLES) -> s
     return "\n\n".join(parts)
 
 
+def preset_table() -> str:
+    """Table of the presets of radars, from their files."""
+    kinds = {s.preset: s.kind.split("/")[-1] for s in SIGNATURES}
+    lines = [
+        "| preset | message | position from | RCS | own motion | moving above | one object |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for path in sorted((ROOT / "params" / "presets").glob("*.yaml")):
+        values = read_preset(path.stem).get(RADAR_INPUT)
+        if values is None:
+            continue
+        p = from_mapping(RadarInputParameters, values)
+        rcs = {"none": "not used", "dbsm": "dBsm", "m2": "m2"}[p.rcs_unit]
+        moving = f"{p.moving_above_mps:g} m/s" if p.moving_above_mps else "all are kept"
+        cluster = f"within {p.cluster_distance_m:g} m" if p.cluster_distance_m else "each point"
+        if p.cluster_minimum_points > 1:
+            cluster += f", from {p.cluster_minimum_points} points"
+        kind = kinds.get(path.stem, "CSV")
+        cells = (f"[`{path.stem}`](#{path.stem})", kind, p.position_source, rcs, p.sensor_motion)
+        lines.append("| " + " | ".join((*cells, moving, cluster)) + " |")
+    return "\n".join(lines)
+
+
 def wanted() -> dict[Path, str]:
     """Content of every generated file."""
     readme = ROOT / "README.md"
     text = readme.read_text()
     before, rest = text.split(BEGIN, 1)
     after = rest.split(END, 1)[1]
+    radars = ROOT / "docs" / "radars.md"
+    radars_before, radars_rest = radars.read_text().split(PRESETS_BEGIN, 1)
+    radars_after = radars_rest.split(PRESETS_END, 1)[1]
     return {
         readme: f"{before}{BEGIN}\n{tables(False)}\n{END}{after}",
         ROOT / "docs" / "parameters.md": "# Parameters\n\n"
@@ -73,6 +101,7 @@ def wanted() -> dict[Path, str]:
         f"{tables(None)}\n\n"
         "## Radar input\n\nWhat the fields of a radar mean ([radars.md](radars.md)).\n\n"
         f"{tables(None, RADAR)}\n",
+        radars: f"{radars_before}{PRESETS_BEGIN}\n{preset_table()}\n{PRESETS_END}{radars_after}",
         ROOT / "params" / "radar_input.yaml": RADAR_HEAD + parameter_yaml(RADAR, advanced=None),
         ROOT / "params" / "basic.yaml": HEADS[False] + parameter_yaml(STAGE_TABLES, advanced=False),
         ROOT / "params" / "advanced.yaml": HEADS[True]

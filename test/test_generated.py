@@ -15,3 +15,15 @@ def test_parameter_files_and_tables():
         timeout=60,
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_page_about_radars_has_a_section_for_each_preset():
+    page = (ROOT / "docs" / "radars.md").read_text()
+    sections = {line[4:] for line in page.splitlines() if line.startswith("### ")}
+    presets = {
+        path.stem
+        for path in (ROOT / "params" / "presets").glob("*.yaml")
+        if "radar_input:" in path.read_text()
+    }
+    assert len(presets) == 12
+    assert presets <= sections

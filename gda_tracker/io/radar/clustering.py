@@ -25,15 +25,17 @@ def cluster(
     range_rate_mps: float,
     minimum_points: int,
     extent_m: float,
+    range_rate_std_mps: float,
     counts: Counter[str],
 ) -> Detections:
     """Return one detection per cluster.
 
     The position is the centroid. Its covariance over range, azimuth[, elevation][, range rate] is
     the mean of the points' spread over their number, and ``extent_m`` squared across and along: the
-    centroid moves about on the object. The radar cross sections of the known points add up (their
-    echoes come from one object), further attributes are averaged over the known ones. Clusters of
-    fewer than ``minimum_points`` are counted as ``small_cluster`` and left out.
+    centroid moves about on the object; the range rate has ``range_rate_std_mps`` squared on top.
+    The radar cross sections of the known points add up (their echoes come from one object), further
+    attributes are averaged over the known ones. Clusters of fewer than ``minimum_points`` are
+    counted as ``small_cluster`` and left out.
     """
     n = len(detections.range_m)
     if n == 0:
@@ -65,7 +67,7 @@ def cluster(
     if elevation is not None:
         columns.append((detections.elevation_rad, elevation, across**2))
     if rate is not None:
-        columns.append((detections.range_rate_mps, rate, 0.05**2))
+        columns.append((detections.range_rate_mps, rate, range_rate_std_mps**2))
     variances = []
     for values, centroid, extent in columns:
         if values is None:  # the azimuth, which turns over at pi

@@ -61,12 +61,14 @@ def detections_of_fields(
     counts: Counter[str] = Counter()
     range_m, azimuth, elevation = _position(fields, p)
     n = len(range_m)
-    range_rate = None
+    range_rate = over_ground = still = None
     if "range_rate" in fields and p.range_rate_used:
         range_rate = p.range_rate_sign * fields["range_rate"]
-        range_rate = range_rate - _static_range_rate(range_rate, azimuth, elevation, p, counts)
-    still = None if range_rate is None else np.abs(range_rate) <= p.moving_above_mps
-    keep = _kept(fields, p, range_m, azimuth, range_rate, counts)
+        standing = _static_range_rate(range_rate, azimuth, elevation, p, counts)
+        over_ground = range_rate - standing
+        still = np.abs(over_ground) <= p.moving_above_mps
+        range_rate = over_ground if p.range_rate_reference == "ground" else range_rate
+    keep = _kept(fields, p, range_m, azimuth, over_ground, counts)
     rcs, known = _radar_cross_section(fields, p, n, counts)
     angle = np.deg2rad(1.0) if p.angle_unit == "deg" else 1.0
     scale = {"range_std": 1.0, "azimuth_std": angle, "elevation_std": angle, "range_rate_std": 1.0}
@@ -104,6 +106,7 @@ def detections_of_fields(
             p.cluster_range_rate_mps,
             p.cluster_minimum_points,
             p.cluster_extent_m,
+            p.cluster_range_rate_std_mps,
             counts,
         )
     return RadarScan(detections, counts, still)

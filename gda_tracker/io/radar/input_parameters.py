@@ -10,6 +10,7 @@ from gda_tracker.parameters import ParameterError, parameter
 
 ANGLE_UNITS = ("rad", "deg")
 RCS_UNITS = ("none", "dbsm", "m2")
+RANGE_RATE_REFERENCES = ("sensor", "ground")
 SENSOR_MOTIONS = ("declared", "estimated")
 # Types of messages that are read.
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -116,8 +117,8 @@ class RadarInputParameters:
     range_rate_used: bool = parameter(True, "pass the range rate on")
     sensor_speed_mps: float = parameter(
         0.0,
-        "speed of the radar along its x axis (the car's own speed for one that looks ahead); range "
-        "rates are corrected by it, so that what stands still has none",
+        "speed of the radar along its x axis (the car's own speed for one that looks ahead); what "
+        "stands still is told by the range rates corrected by it",
         unit="m/s",
         minimum=-1e4,
         maximum=1e4,
@@ -134,6 +135,13 @@ class RadarInputParameters:
         "where the radar's own speed comes from: declared (the two parameters above) or estimated "
         "(from each scan: the speed at which most of its points stand still)",
         choices=SENSOR_MOTIONS,
+    )
+    range_rate_reference: str = parameter(
+        "sensor",
+        "range rates that are passed on: sensor (as measured; fits tracks in a frame that moves "
+        "with the radar) or ground (corrected by the radar's own speed; fits a fixed frame in "
+        "which the radar's pose is known); the two are the same for a radar that stands",
+        choices=RANGE_RATE_REFERENCES,
     )
     rcs_unit: str = parameter(
         "none",
@@ -195,6 +203,15 @@ class RadarInputParameters:
         "the mean",
         unit="m",
         minimum=0.0,
+        advanced=True,
+    )
+    cluster_range_rate_std_mps: float = parameter(
+        0.2,
+        "standard deviation of the mean range rate about the object's own, added to the spread of "
+        "the mean: wheels, arms and legs",
+        unit="m/s",
+        minimum=0.0,
+        minimum_excluded=True,
         advanced=True,
     )
 

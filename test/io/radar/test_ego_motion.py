@@ -76,7 +76,23 @@ def test_where_no_speed_explains_most_points_the_declared_one_holds():
         "azimuth": np.linspace(-1, 1, 50),
         "range_rate": rng.uniform(-50, 50, 50),
     }
-    scan = detections_of_fields(fields, table(sensor_motion="estimated", sensor_speed_mps=2.0), 0)
+    parameters = table(
+        sensor_motion="estimated", sensor_speed_mps=2.0, range_rate_reference="ground"
+    )
+    scan = detections_of_fields(fields, parameters, 0)
     assert scan.counts["sensor_motion_unknown"] == 1
     expected = fields["range_rate"] + 2.0 * np.cos(fields["azimuth"])
     np.testing.assert_allclose(scan.detections.range_rate_mps, expected)
+
+
+def test_range_rates_are_passed_on_as_measured_or_over_ground():
+    """A car ahead at 15 m/s seen from 10 m/s behind goes away with 5; what stands comes with 10."""
+    fields = {"range": [50.0, 30.0], "azimuth": [0.0, 0.0], "range_rate": [5.0, -10.0]}
+    fields = {name: np.array(values) for name, values in fields.items()}
+    for reference, passed in (("sensor", 5.0), ("ground", 15.0)):
+        parameters = table(
+            sensor_speed_mps=10.0, moving_above_mps=1.0, range_rate_reference=reference
+        )
+        scan = detections_of_fields(fields, parameters, 0)
+        assert scan.still.tolist() == [False, True]
+        assert scan.detections.range_rate_mps.tolist() == [passed]
