@@ -39,8 +39,9 @@ def walk_folder(tmp_path_factory):
     """Ten frames of the walk, the archive unpacked."""
     folder = tmp_path_factory.mktemp("walk")
     with tarfile.open(WALK) as archive:
-        for member in archive.getmembers()[:12]:
-            archive.extract(member, folder, filter="data")
+        (folder / "SOT").mkdir()
+        for member in [item for item in archive.getmembers() if item.isfile()][:12]:
+            (folder / member.name).write_bytes(archive.extractfile(member).read())
     return folder
 
 
@@ -88,6 +89,11 @@ def test_frames_that_are_none_are_named(tmp_path):
     broken = tmp_path / "broken.tar.xz"
     broken.write_bytes(WALK.read_bytes()[:1000])
     assert not mmwave.recognises(broken)
+    whole = bytearray(WALK.read_bytes())
+    whole[1000:1100] = bytes(100)
+    spoilt = tmp_path / "spoilt.tar.xz"
+    spoilt.write_bytes(whole)
+    assert not mmwave.recognises(spoilt)
     with pytest.raises(RecordingError, match="not a .tar.xz archive"):
         load_recording(broken, "mmwave")
 

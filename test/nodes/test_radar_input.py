@@ -252,14 +252,35 @@ def test_inspect_and_run_on_a_live_topic(environment, playing, tmp_path):
     assert f"gda-tracker run --input points --params {yaml}" in done.stdout
     run = start(environment, "run", "--input", "points", "--params", str(yaml))
     try:
-        seen = threading.Event()
-        for _ in range(200):
-            if any((tracks.status == 1).any() for tracks in playing.tracks):
-                break
-            seen.wait(0.1)
-        assert any((tracks.status == 1).any() for tracks in playing.tracks)
+        wait_for_a_confirmed_track(playing)
     finally:
         stop(run)
+
+
+def wait_for_a_confirmed_track(driver):
+    moment = threading.Event()
+    for _ in range(300):
+        if any((tracks.status == 1).any() for tracks in driver.tracks):
+            return
+        moment.wait(0.1)
+    raise AssertionError(f"no confirmed track in {len(driver.tracks)} scans")
+
+
+def test_run_guesses_the_preset_and_starts_five_processes(environment, playing):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gda_tracker.cli", "run", "--processes", "--input", "/points"],
+        env={**environment, "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        said = [process.stdout.readline() for _ in range(3)]
+        assert "preset mmwave_walk, guessed from the fields of /points" in said[1], said
+        assert "5 processes, waiting for /points" in said[2]
+        wait_for_a_confirmed_track(playing)
+    finally:
+        stop(process)
 
 
 def test_a_topic_that_nobody_publishes(environment):

@@ -9,6 +9,7 @@ Files repeat: a frame whose time was there already is left out.
 from __future__ import annotations
 
 import io
+import lzma
 import re
 import tarfile
 from collections.abc import Iterator
@@ -58,7 +59,7 @@ def recognises(path: Path) -> bool:
             return False
         _, text = next(_files(path))
         _table("", text)
-    except (StopIteration, RecordingError):
+    except (StopIteration, RecordingError, OSError):
         return False
     return True
 
@@ -123,7 +124,7 @@ def _of_archive(path: Path) -> Iterator[tuple[str, bytes]]:
                 if file is None or member.size > LARGEST_FRAME_BYTES:
                     raise RecordingError(f"{path}: {member.name} is not a file of a frame")
                 yield f"{path}: {member.name}", file.read()
-    except (tarfile.TarError, OSError, EOFError) as error:
+    except (tarfile.TarError, lzma.LZMAError, OSError, EOFError) as error:
         raise RecordingError(f"{path}: not a .tar.xz archive: {error}") from error
 
 
