@@ -133,11 +133,26 @@ class RadarInputNode(RingNode):
             return DiagnosticStatus.WARN, f"no message on {p.input_topic}"
         if self._last is None:
             return DiagnosticStatus.ERROR, f"no message on {p.input_topic} could be used"
-        if self._last.counts["rcs_all_equal"]:
-            return DiagnosticStatus.WARN, "radar cross section: the same for all points, not used"
+        rcs = self._rcs_problem(self._last)
+        if rcs:
+            return DiagnosticStatus.WARN, f"radar cross section: {rcs}; kinematics decide alone"
         if self._last.counts["sensor_motion_unknown"]:
             return DiagnosticStatus.WARN, "the radar's own motion could not be estimated"
         return super().health()
+
+    def _rcs_problem(self, scan: RadarScan) -> str:
+        """Say why the radar cross sections of a scan are of no use, or nothing."""
+        detections = scan.detections
+        if self.parameters.rcs_unit == "none":
+            return ""
+        if detections.rcs_m2 is None:
+            return "there is no such field"
+        if scan.counts["rcs_all_equal"]:
+            return "the same for all points"
+        known = detections.rcs_valid
+        if known is not None and len(known) and not known.any():
+            return "no value can be one"
+        return ""
 
     def figures(self) -> dict[str, Any]:
         """What came and what went out."""

@@ -334,6 +334,22 @@ def test_clouds_that_contradict_themselves_are_left_out_and_named(tmp_path):
     assert warning.startswith("frame 2 is left out: data has 44 bytes, 48 are needed")
 
 
+def test_of_many_bad_messages_a_few_are_named(tmp_path):
+    path = tmp_path / "bag"
+    with BagWriter(path, [BagTopic("/radar", POINT_CLOUD)]) as bag:
+        for stamp_ns, columns in ti(*range(1, 10)):
+            types = dict.fromkeys(columns, "float32")
+            message = point_cloud_of_columns(columns, types, stamp_ns, "")
+            if stamp_ns < 9:
+                message.header.stamp.sec = -1
+            bag.write("/radar", message, stamp_ns)
+    recording = load_recording(path)
+    assert [scan.stamp_ns for scan in recording.detections] == [9]
+    assert len(recording.warnings) == 6
+    assert "message 0 on /radar is left out: header.stamp = -1 s" in recording.warnings[0]
+    assert recording.warnings[-1] == "3 more messages on /radar are left out"
+
+
 def test_radar_cross_sections_that_cannot_be_are_reported(tmp_path):
     n = 12
     columns = {name: np.linspace(1.0, 2.0, n) for name in ("x", "y", "z", "h", "v")}

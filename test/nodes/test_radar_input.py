@@ -191,6 +191,38 @@ def test_parameters_act_at_the_next_scan_or_are_refused(domain, walk):
         assert radar.parameters.moving_above_mps == 50.0
 
 
+def test_radar_cross_sections_of_no_use_are_in_the_diagnostics(domain, walk):
+    settings = {"rcs_unit": "dbsm", "rcs_maximum": 70.0}
+    with Nodes(lambda **o: [RadarInputNode(settings, **o), Driver(**o)], domain) as nodes:
+        radar, driver = nodes.nodes
+        matched(nodes, driver)
+        changes = [  # power is 92 to 170 dB, doppler is 0 for most points
+            ([], "there is no such field"),
+            (["rcs=power"], "no value can be one"),
+            (["rcs=doppler"], ""),
+        ]
+        for number, (names, problem) in enumerate(changes):
+            kind = Parameter.Type.STRING_ARRAY
+            (result,) = radar.set_parameters([Parameter("field_names", kind, names)])
+            assert result.successful, result.reason
+            send(nodes, driver, radar, cloud(walk[0], walk[0].stamp_ns + number))
+            text = (
+                f"radar cross section: {problem}; kinematics decide alone" if problem else "active"
+            )
+            assert radar.health()[1] == text
+        same = point_cloud_of_columns(
+            {"x": np.arange(1.0, 21.0), "y": np.ones(20), "rcs": np.full(20, 3.0)},
+            dict.fromkeys(("x", "y", "rcs"), "float32"),
+            walk[1].stamp_ns,
+            "radar",
+        )
+        (result,) = radar.set_parameters(
+            [Parameter("field_names", Parameter.Type.STRING_ARRAY, [])]
+        )
+        send(nodes, driver, radar, deserialize_message(serialize(same), PointCloud2))
+        assert "the same for all points" in radar.health()[1]
+
+
 def test_without_a_driver_diagnostics_say_so(domain):
     with Nodes(lambda **o: [RadarInputNode({}, **o)], domain) as nodes:
         assert nodes.nodes[0].health() == (b"\x01", "nobody publishes points")

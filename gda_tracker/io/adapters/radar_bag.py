@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gda_tracker.errors import UserError
 from gda_tracker.io.adapters.adapter import InputOptions, RecordingError
-from gda_tracker.io.adapters.radar_frames import recording_of_frames
+from gda_tracker.io.adapters.radar_frames import MAX_NAMED, recording_of_frames
 from gda_tracker.io.bags import Bag, BagError, read_bag
 from gda_tracker.io.radar.frames import RadarFrame
 from gda_tracker.io.radar.messages import RADAR_TYPES, frame_of_message
@@ -59,15 +59,20 @@ def bag_frames(
     RecordingError
         If nothing can be read.
     """
+    left_out = 0
     try:
         for number, record in enumerate(read_bag(path, [topic], report=report)):
             stamp_ns = record.stamp_ns if received else None
             try:
                 yield frame_of_message(record.message(), record.type, stamp_ns)
             except UserError as error:
-                report(f"message {number} on {topic} is left out: {error}")
+                left_out += 1
+                if left_out <= MAX_NAMED:
+                    report(f"message {number} on {topic} is left out: {error}")
     except BagError as error:
         raise RecordingError(str(error)) from error
+    if left_out > MAX_NAMED:
+        report(f"{left_out - MAX_NAMED} more messages on {topic} are left out")
 
 
 def load_radar_bag(bag: Bag, options: InputOptions) -> Recording:
