@@ -205,7 +205,10 @@ def check_statements(plays, parameters, played):
     assert sum(r.outcome == "admitted" for r in reports) > 10
 
 
-@pytest.mark.parametrize("method", ["gda/dsm_classic/cv", "gda/none/cv", "map/bayes/cv"])
+@pytest.mark.parametrize(
+    "method",
+    ["gda/dsm_classic/cv", "gda/none/cv", "map/bayes/cv", "jpda/bayes/imm", "mht/bayes/imm"],
+)
 def test_statements_in_one_process(method, domain):
     plays, parameters = scenario_plays("crossing_targets", method)
     plays = [with_statements(play) for play in plays]
