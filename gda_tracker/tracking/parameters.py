@@ -249,10 +249,9 @@ class TrackManagerParameters:
     mht_max_leaves: int = parameter(
         20_000, "mht: branches kept in all", minimum=1, maximum=1_000_000, advanced=True
     )
-    new_target_density_per_m_rad: float = parameter(
-        1e-8,
-        "mht: new targets per scan, metre of range and radian of azimuth",
-        unit="1/(m rad)",
+    mht_new_target_ratio: float = parameter(
+        0.1,
+        "mht: new targets per false alarm; the score with which a track starts",
         minimum=0.0,
         minimum_excluded=True,
         advanced=True,

@@ -13,7 +13,7 @@ from gda_tracker.nodes.evaluator import EvaluatorNode
 from gda_tracker.nodes.runner import Nodes, RingProcesses
 from gda_tracker.resources import resource
 
-METHOD = "map/bayes/cv"
+METHOD = "mht/bayes/cv"
 
 
 def start(environment, node, *parameters):
@@ -65,6 +65,8 @@ def test_scores_of_a_scenario(environment, tmp_path):
     assert scores["runs"] in (1, 2)
     assert 23 <= scores["scans"] <= 46
     assert 0.0 <= scores["purity_mean"] <= 1.0
+    assert 0.0 <= scores["purity_delayed_mean"] <= 1.0
+    assert len(scores["purity_delayed_per_run"]) in (1, 2)
     assert scores["latency_ms_median"] > 0.0
 
 

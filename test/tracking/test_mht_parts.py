@@ -223,12 +223,12 @@ def test_the_score_of_a_start_by_hand(started):
 
     scan, _ = Ring().manager.validate(scan_at(10.0, [(2000.0, 0.0), (0.0, 3000.0)]))
     p = TrackManagerParameters(
-        max_speed_mps=100.0, detection_probability=0.8, new_target_density_per_m_rad=1e-7
+        max_speed_mps=100.0, detection_probability=0.8, mht_new_target_ratio=1e-2
     )
     found = start_scores(started, scan, 1e-5, p)
     expected = [
-        1e-7 / 1e-5 * 0.8 / 1e-5 * 3000.0 / (math.pi * 200.0**2),
-        1e-7 / 1e-5 * 0.2**2 * 0.8 / 1e-5 * 2000.0 / (math.pi * 400.0**2),
+        1e-2 * 0.8 / 1e-5 * 3000.0 / (math.pi * 200.0**2),
+        1e-2 * 0.2**2 * 0.8 / 1e-5 * 2000.0 / (math.pi * 400.0**2),
     ]
     np.testing.assert_allclose(np.exp(found), expected, rtol=1e-9)
     assert np.isfinite(start_scores(started, scan, 0.0, p)).all()

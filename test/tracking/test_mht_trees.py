@@ -359,21 +359,15 @@ def test_a_tentative_track_that_loses_its_detections_to_another_ends_and_leaves_
 
 def test_what_a_track_had_when_it_ended_no_other_track_turns_out_to_have_had():
     ring = trees(deletion_misses=1, mht_leaf_probability=0.0, mht_leaves_per_track=30)
-    rng, held, checked = np.random.default_rng(2), {}, 0
+    rng, checked = np.random.default_rng(2), 0
     for k in range(60):
         # A crowd: everything is in the gate of everything.
         place = np.array([2000.0, 1000.0]) + rng.normal(0.0, 60.0, (int(rng.integers(1, 7)), 2))
-        result = ring.process(scan_at(k, place))
-        table = ring.manager.state.table
-        used, chosen = table.detection_numbers, table.detection_numbers[table.chosen]
-        for track in result.tracks.deleted_track_id.tolist():
-            kept = held[track]
-            if np.isin(chosen, kept).any():
-                continue  # it has ended because these were another's
-            checked += len(kept) > 0
-            assert not np.isin(used, kept).any()
-        # Only what is surely still looked at after the next scan.
-        numbers = table.detection_numbers[table.chosen][:, : DEPTH - 1]
-        tracks = table.track_id[table.chosen].tolist()
-        held = {t: n[n >= 0] for t, n in zip(tracks, numbers, strict=True)}
+        ring.process(scan_at(k, place))
+        state = ring.manager.state
+        for generation in state.generations:
+            kept = generation.table.detection_numbers[generation.settled, 0]
+            kept = kept[kept >= 0]
+            checked += len(kept)
+            assert not np.isin(state.table.detection_numbers, kept).any()
     assert checked > 10

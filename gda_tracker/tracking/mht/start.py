@@ -18,8 +18,8 @@ def start_scores(
 ) -> FloatArray:
     """Log likelihood ratio of new tracks (N,) against two false alarms.
 
-    The first detection counts the density of new targets over that of false alarms, each scan
-    without one 1 - P_D, the second P_D p(z) / beta with z uniform where a target of the largest
+    The first detection counts the ratio of new targets to false alarms, each scan without one
+    1 - P_D, the second P_D p(z) / beta with z uniform where a target of the largest
     speed can be: the disc of radius v dt, divided by the range as the density is per m and rad.
     What the attributes say of the two is not counted.
     """
@@ -33,11 +33,11 @@ def start_scores(
         log_detected = max(float(np.log(p.detection_probability)), LOG_VANISHING)
         log_second = np.maximum(np.log(spread[0]) - np.log(spread[1]), LOG_VANISHING)
     return np.asarray(
-        np.log(p.new_target_density_per_m_rad)
+        np.log(p.mht_new_target_ratio)
         + (new.gap_scans - 1) * log_missed
         + log_detected
         + log_second
-        - 2.0 * log_clutter
+        - log_clutter
     )
 
 
