@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -64,6 +65,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tracks", type=Path, metavar="OUT.csv", help="write one row per track and scan"
     )
     parser.add_argument(
+        "--tracks-delayed",
+        type=Path,
+        metavar="OUT.csv",
+        help="with --offline and decision mht: the same with the past as it is seen later "
+        "(docs/mht.md)",
+    )
+    parser.add_argument(
         "--association-log",
         type=Path,
         metavar="OUT.jsonl",
@@ -94,6 +102,8 @@ def run(args: argparse.Namespace) -> int:
         raise UserError(
             "--association-log: allowed with --offline alone, which makes the same tracks"
         )
+    if args.tracks_delayed and not args.offline:
+        raise UserError("--tracks-delayed: allowed with --offline alone, which makes the same")
     if not 0.0 <= args.rate < float("inf"):
         raise UserError(f"--rate {args.rate}: allowed is a number >= 0")
     play, preset_name, parameters = _load(args)
@@ -102,18 +112,19 @@ def run(args: argparse.Namespace) -> int:
         raise UserError(f"{args.recording}: no scans")
     sys.stdout.flush()
     said: list[StatementReport] = []
+    delayed: list[Tracks] = []
     if args.offline:
-        answers = _offline(play, parameters, said, args.association_log)
+        answers = _offline(play, parameters, said, args.association_log, delayed)
     else:
         answers = _through_the_nodes(play, parameters, args, said)
     if args.tracks:
-        from gda_tracker.io.track_csv import TrackCsvWriter
-
-        with TrackCsvWriter(args.tracks) as table:
-            for scan, (_, tracks) in enumerate(answers):
-                if tracks is not None:
-                    table.write(scan, tracks)
+        _write_table(args.tracks, [tracks for _, tracks in answers])
         print(f"tracks: {args.tracks}")
+    if args.tracks_delayed:
+        if not delayed:
+            raise UserError("--tracks-delayed: allowed with decision mht, which revises the past")
+        _write_table(args.tracks_delayed, delayed)
+        print(f"tracks with the revised past: {args.tracks_delayed}")
     if args.association_log:
         print(f"association log: {args.association_log}")
     if said:
@@ -121,6 +132,16 @@ def run(args: argparse.Namespace) -> int:
         print("statements: " + ", ".join(f"{number} {name}" for name, number in count.items()))
     _summary(play, answers, args.match_distance)
     return 0
+
+
+def _write_table(path: Path, tracks_by_scan: Sequence[Tracks | None]) -> None:
+    """Write one row per track and scan."""
+    from gda_tracker.io.track_csv import TrackCsvWriter
+
+    with TrackCsvWriter(path) as table:
+        for scan, tracks in enumerate(tracks_by_scan):
+            if tracks is not None:
+                table.write(scan, tracks)
 
 
 def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
@@ -161,7 +182,11 @@ def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
 
 
 def _offline(
-    play: Playback, parameters: Parameters, said: list[StatementReport], log_path: Path | None
+    play: Playback,
+    parameters: Parameters,
+    said: list[StatementReport],
+    log_path: Path | None,
+    delayed: list[Tracks],
 ) -> Answers:
     from gda_tracker.evaluation.association_log import AssociationLogWriter
     from gda_tracker.tracking.ring import Ring
@@ -177,9 +202,11 @@ def _offline(
             said += [ring.say(statement) for statement in play.said_before(position)]
             for result in ring.finish() if detections is None else ring.feed(detections):
                 answers.append((result.report, result.tracks))
+                delayed += result.delayed
                 if log is not None:
                     log.write(result)
             bar(len(answers))
+    delayed += ring.rest_of_delayed()
     return answers
 
 

@@ -72,6 +72,20 @@ def test_replay_writes_one_row_per_live_track_and_scan(tmp_path, capsys):
     assert position == len(rows)
 
 
+def test_replay_writes_the_revised_past(tmp_path, capsys):
+    table = tmp_path / "delayed.csv"
+    arguments = ("replay", "crossing_targets", "--offline", "--tracks-delayed", table)
+    assert run(*arguments, "--method", "mht/bayes/cv") == 0
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    # Two tracks on each of the 23 scans after the labelled ones, to the last one.
+    assert [int(row["scan"]) for row in rows] == [scan for scan in range(23) for _ in range(2)]
+    assert {row["track_id"] for row in rows} == {"1", "2"}
+    capsys.readouterr()
+    assert run(*arguments, "--method", "map/bayes/cv") == 2
+    assert "allowed with decision mht" in capsys.readouterr().err
+
+
 def test_replay_takes_a_parameter_file_in_place_of_the_preset(tmp_path, capsys):
     path = tmp_path / "mine.yaml"
     path.write_text(parameter_yaml(STAGE_TABLES, False, {"track_manager": {"max_speed_mps": 1e-3}}))
