@@ -371,3 +371,23 @@ def test_what_a_track_had_when_it_ended_no_other_track_turns_out_to_have_had():
             checked += len(kept)
             assert not np.isin(state.table.detection_numbers, kept).any()
     assert checked > 10
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("name", ["kinematic_log_likelihood", "attribute_log_likelihood"])
+def test_an_answer_without_sense_changes_nothing(name, value):
+    ring, other = trees(), trees()
+    for scan in SCANS[:10]:
+        ring.process(scan)
+        other.process(scan)
+    ring.manager.admit(SCANS[10])
+    ring.manager.open()
+    evidence, scores, associations = answers(ring)
+    wrong = getattr(associations, name).copy()
+    wrong[0] = value
+    with pytest.raises(ValueError, match="log"):
+        ring.manager.close(evidence, scores, dataclasses.replace(associations, **{name: wrong}))
+    # Asked again, the stages answer well.
+    tracks, _ = ring.manager.close(evidence, scores, associations)
+    assert_same(tracks, other.process(SCANS[10]).tracks)
+    assert_same(ring.manager.state, other.manager.state)
