@@ -17,6 +17,7 @@ from tracking_examples import (
 
 from gda_tracker.kinematics.gating import gate
 from gda_tracker.tracking import checkpoint
+from gda_tracker.tracking.answers import Inconsistent
 from gda_tracker.vocabulary import CONFIRMED, TENTATIVE
 
 SCANS = simulated(40, n_targets=5, clutter=40, seed=5)
@@ -385,7 +386,7 @@ def test_an_answer_without_sense_changes_nothing(name, value):
     evidence, scores, associations = answers(ring)
     wrong = getattr(associations, name).copy()
     wrong[0] = value
-    with pytest.raises(ValueError, match="log"):
+    with pytest.raises(Inconsistent, match="log likelihood"):
         ring.manager.close(evidence, scores, dataclasses.replace(associations, **{name: wrong}))
     # Asked again, the stages answer well.
     tracks, _ = ring.manager.close(evidence, scores, associations)

@@ -10,6 +10,7 @@ import numpy as np
 from gda_tracker.association.leaf_pruning import n_scan_decision
 from gda_tracker.association.log_ratios import log_ratios
 from gda_tracker.association.statements import statement_factors
+from gda_tracker.tracking.answers import Inconsistent
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.history_window import remember
 from gda_tracker.tracking.hypotheses import HypothesisTable
@@ -71,6 +72,11 @@ def grow(
         Running number of the scan's first detection.
     parameters
         Those of the scan.
+
+    Raises
+    ------
+    Inconsistent
+        For a log likelihood that is NaN or infinite.
     """
     pair_score, miss_score = log_ratios(
         associations.hypothesis,
@@ -91,6 +97,12 @@ def grow(
         )
         if said is not None:
             pair_score, miss_score = pair_score + said.log_pair, miss_score + said.log_idle
+    wrong = ~(pair_score < np.inf)  # True for NaN
+    if wrong.any():
+        raise Inconsistent(
+            f"associations: log likelihood ratio {pair_score[wrong][0]} of a pair: allowed are "
+            "finite values and -inf"
+        )
     branches = branch(
         opened.table,
         associations.hypothesis,
