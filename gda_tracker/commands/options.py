@@ -18,7 +18,7 @@ Parameters = dict[str, dict[str, Any]]
 METHOD_HELP = (
     "decision/attribute_term/filter, e.g. gda/none/cv (kinematics alone), gda/dsm_classic/cv "
     "(2004 chapter), map/bayes/cv (most probable joint hypothesis with Bayesian classes), "
-    "mht/bayes/imm (hypothesis trees over several scans, manoeuvring targets)"
+    "mht/bayes/imm (hypothesis trees over several scans, manoeuvring targets), or default"
 )
 
 

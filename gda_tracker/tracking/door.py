@@ -261,7 +261,9 @@ def _given_covariance(values: Any, n: int, d: int) -> tuple[FloatArray, BoolArra
     good &= (np.abs(correlation - transposed) <= 1e-6).all(axis=(1, 2))
     for size in range(2, d + 1):
         good &= np.linalg.det(correlation[:, :size, :size]) > SMALLEST_MINOR
-    return 0.5 * (covariance + covariance.transpose(0, 2, 1)), good
+    # Halves first: sums of the largest numbers would overflow.
+    half = 0.5 * covariance
+    return half + half.transpose(0, 2, 1), good
 
 
 def _plausible(variance: FloatArray) -> BoolArray:

@@ -27,7 +27,7 @@ class TrackManagerParameters:
     """What the track manager is told: sensor, motion, association, life of a track, transport."""
 
     decision: str = parameter(
-        "map",
+        "mht",
         "how detections are assigned: mht (over several scans, multiple hypothesis tracking), map "
         "(most probable joint hypothesis of each scan), gda (2004 chapter: 1 - P_k P_a and "
         "Munkres) or jpda (every track takes all detections in its gate, each as far as it is "
@@ -38,7 +38,7 @@ class TrackManagerParameters:
         "bayes", "how the attribute speaks in the association", choices=ATTRIBUTE_TERMS
     )
     filter: str = parameter(
-        "cv",
+        "imm",
         "motion of targets: cv constant velocity, imm interacting models of it with different "
         "process noise",
         choices=FILTERS,

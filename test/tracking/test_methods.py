@@ -8,7 +8,7 @@ from gda_tracker.association.choices import DECISIONS
 from gda_tracker.attributes.terms import ATTRIBUTE_TERMS
 from gda_tracker.kinematics.motion_models import FILTERS
 from gda_tracker.parameters import ParameterError, from_mapping
-from gda_tracker.tracking.methods import parse_method
+from gda_tracker.tracking.methods import default_method, parse_method
 from gda_tracker.tracking.parameters import TrackManagerParameters
 
 
@@ -18,6 +18,12 @@ def test_every_combination_is_a_method_that_the_manager_takes(parts):
     assert tuple(values.values()) == parts
     table = from_mapping(TrackManagerParameters, values)
     assert (table.decision, table.attribute_term, table.filter) == parts
+
+
+def test_default_is_what_a_manager_does_that_is_told_nothing():
+    table = from_mapping(TrackManagerParameters, parse_method("default"))
+    assert table == TrackManagerParameters()
+    assert default_method() == f"{table.decision}/{table.attribute_term}/{table.filter}"
 
 
 @pytest.mark.parametrize(

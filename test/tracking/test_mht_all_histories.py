@@ -57,6 +57,7 @@ def tracked(term, mean, covariance, classes, scans, model):
         "initiation": "labelled",
         "range_std_m": model.range_std,
         "azimuth_std_rad": model.azimuth_std,
+        "filter": "cv",
         "process_noise_std_mps2": model.process_noise,
         "detection_probability": model.p_d,
         "clutter_density_per_m_rad": model.clutter,

@@ -12,7 +12,9 @@ from gda_tracker.vocabulary import CONFIRMED, Detections, ScanKey, Tracks
 
 SECOND = 1_000_000_000
 UUID = bytes(range(16))
-QUIET = {"range_std_m": 10.0, "azimuth_std_rad": 0.001, "max_speed_mps": 50.0}
+SINGLE_SCAN = {"decision": "map", "filter": "cv"}
+# One motion model and decisions for good, so that what a scan does can be told by hand.
+QUIET = {**SINGLE_SCAN, "range_std_m": 10.0, "azimuth_std_rad": 0.001, "max_speed_mps": 50.0}
 
 
 def ring_of(**track_manager) -> Ring:
