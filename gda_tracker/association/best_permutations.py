@@ -101,10 +101,10 @@ def best_permutation_marginals(
         chosen = taken[size - 1]
         detection = measurements.members[row, chosen]
         place = (cluster, tracks.last[:, None], detection)
-        np.add.at(marginals, np.broadcast_arrays(*place), passing)
+        np.add.at(marginals, tuple(np.broadcast_arrays(*place)), passing)
         further = weight[size - 1]
         place = (cluster, tracks.without_last[:, None], measurements.without[row, chosen])
-        np.add.at(further, np.broadcast_arrays(*place), passing)
+        np.add.at(further, tuple(np.broadcast_arrays(*place)), passing)
         passing = further
     marginals /= total[:, None, None]
     return marginals

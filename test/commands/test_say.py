@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import io
 import sys
-from dataclasses import replace
 
 import pytest
 import yaml
 
 from gda_tracker.cli import main
 from gda_tracker.commands.say import EXAMPLES
-from gda_tracker.io.adapters.bag import write_recording
-from gda_tracker.io.statement_files import read_statements
-from gda_tracker.simulation.scenarios import load_scenario
-from gda_tracker.simulation.simulate import simulate
 from gda_tracker.vocabulary.statements import KINDS
 
 GOOD = yaml.safe_load(EXAMPLES["fuzzy"])
@@ -108,18 +103,6 @@ def test_a_wrong_file_is_one_line(words, check):
     assert (status, out) == (2, "")
     assert len(err.strip().splitlines()) == 1, err
     assert words in err
-
-
-def test_replay_says_what_a_bag_holds(tmp_path, capsys):
-    recording = simulate(load_scenario("crossing_targets"), 1, initiation="automatic")
-    stamp_ns = recording.detections[9].stamp_ns
-    for position, kind in ((10, "fuzzy"), (11, "region")):
-        (draft,) = read_statements(EXAMPLES[kind], "x")
-        statement = replace(draft.complete(position, stamp_ns, "map"), track_id=10**6)
-        recording.statements.append((position, statement))
-    write_recording(tmp_path / "bag", recording)
-    assert main(["replay", str(tmp_path / "bag"), "--offline"]) == 0
-    assert "statements: 1 admitted, 1 unknown_track" in capsys.readouterr().out
 
 
 def test_the_frame_may_be_another(check):
