@@ -10,6 +10,7 @@ import yaml
 
 from gda_tracker.cli import main
 from gda_tracker.commands.say import EXAMPLES
+from gda_tracker.io.statement_files import read_statements
 from gda_tracker.vocabulary.statements import KINDS
 
 GOOD = yaml.safe_load(EXAMPLES["fuzzy"])
