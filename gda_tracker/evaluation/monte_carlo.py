@@ -30,6 +30,8 @@ from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.scenarios import Scenario
 
 DEFAULT_METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "map/bayes/cv")
+# How soon Ctrl-C is heard while all workers are busy [s].
+INTERRUPT_CHECK_S = 0.2
 LONGEST_CHUNK = 5
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # The ring makes many small objects, and no cycles worth looking for after every 700 of them.
@@ -141,7 +143,7 @@ def _in_order(
                 answers.append(_score_chunk(task))
                 report(task)
         return answers
-    with _one_thread_per_worker():
+    with _one_thread_per_worker(), _interrupt_noted() as interrupted:
         executor = ProcessPoolExecutor(
             workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker
         )
@@ -154,10 +156,14 @@ def _in_order(
                     future = executor.submit(_score_chunk, task)
                 waiting[future] = place
                 while waiting and (len(waiting) > 2 * workers or place + 1 == len(tasks)):
-                    for answer in wait(waiting, return_when=FIRST_COMPLETED).done:
+                    if interrupted:
+                        raise KeyboardInterrupt
+                    for answer in wait(waiting, INTERRUPT_CHECK_S, FIRST_COMPLETED).done:
                         done_place = waiting.pop(answer)
                         found[done_place] = answer.result()  # or the error of the worker
                         report(tasks[done_place])
+            if interrupted:
+                raise KeyboardInterrupt
             return [found[place] for place in range(len(tasks))]
         finally:
             # After Ctrl-C only the chunks that have begun, some seconds at most, are waited for.
@@ -173,6 +179,23 @@ def _garbage_left() -> Iterator[None]:
         yield
     finally:
         gc.set_threshold(*before)
+
+
+@contextmanager
+def _interrupt_noted() -> Iterator[list[bool]]:
+    """Note Ctrl-C in the list instead of raising at once, for places where it can be handled.
+
+    Raised anywhere, it may leave a lock of the futures taken, and the pool waits for it for ever.
+    """
+    noted: list[bool] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield noted  # signals are the main thread's
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: noted.append(True))
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
