@@ -9,6 +9,10 @@ BIN := $(VENV)/bin
 # Arguments for pytest, as in: make test-core ARGS="-k joint -x"
 ARGS ?=
 JOBS ?= $(shell nproc)
+# Graph tests wait more than they compute; every one has a ROS domain of its own. Nodes are killed
+# one after the other: two rings that lose and find nodes at a time disturb each other now and then.
+# pytest ends with 5 where ARGS select nothing.
+NODE_JOBS ?= 2
 
 SHELL := /bin/sh
 .SHELLFLAGS := -euc
@@ -70,7 +74,9 @@ test-core: setup-test ## test everything that needs no running nodes
 
 .PHONY: test-nodes
 test-nodes: setup-test ## test the node graph over DDS
-	$(test_environment) $(BIN)/python -m pytest test/nodes $(ARGS)
+	$(test_environment) $(BIN)/python -m pytest test/nodes --ignore=test/nodes/test_kills.py \
+		-n $(NODE_JOBS) --dist worksteal $(ARGS) || [ $$? -eq 5 ]
+	$(test_environment) $(BIN)/python -m pytest test/nodes/test_kills.py $(ARGS) || [ $$? -eq 5 ]
 
 # What needs ROS, bags or the installed package is left out: test/nodes, test/io, test_packaging.py.
 .PHONY: test-oldest
