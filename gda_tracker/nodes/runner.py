@@ -29,7 +29,8 @@ PR_SET_PDEATHSIG = 1
 
 # Domains beyond 101 collide with the ports that Linux hands out.
 DOMAINS = 101
-_reserved: list[TextIO] = []
+_reserved: dict[int, TextIO] = {}
+_last_domain = os.getpid() % DOMAINS
 
 Parameters = Mapping[str, Mapping[str, Any]]
 
@@ -50,11 +51,13 @@ def transport_environment(base: Mapping[str, str] | None = None) -> dict[str, st
 def reserve_domain() -> int:
     """Return a ROS domain that no other process of this host has reserved, and reserve it.
 
-    It is held until this process ends: two rings in one domain would hear each other.
+    It is held until this process ends or calls :func:`release_domain`: two rings in one domain
+    would hear each other. The domain reserved last comes again last.
     """
+    global _last_domain
     folder = Path(tempfile.gettempdir())
     for step in range(DOMAINS):
-        domain = 1 + (os.getpid() + step) % DOMAINS
+        domain = 1 + (_last_domain + step) % DOMAINS
         try:
             lock = (folder / f"gda_tracker_domain_{domain}.lock").open("a")
         except OSError:
@@ -64,9 +67,17 @@ def reserve_domain() -> int:
         except OSError:
             lock.close()
             continue
-        _reserved.append(lock)
+        _reserved[domain] = lock
+        _last_domain = domain
         return domain
     raise UserError(f"no free ROS domain among 1 to {DOMAINS}; name one with --domain")
+
+
+def release_domain(domain: int) -> None:
+    """Give a reserved domain back, when nothing runs in it any more."""
+    lock = _reserved.pop(domain, None)
+    if lock is not None:
+        lock.close()
 
 
 def private_environment(domain: int | None = None) -> dict[str, str]:

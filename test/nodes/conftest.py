@@ -10,7 +10,7 @@ import pytest
 
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
-from gda_tracker.nodes.runner import private_environment, use_environment
+from gda_tracker.nodes.runner import private_environment, release_domain, use_environment
 
 SHARED_MEMORY = Path("/dev/shm")
 
@@ -40,6 +40,7 @@ def environment(tmp_path):
     use_environment(made)
     yield made
     _remove_orphans()
+    release_domain(int(made["ROS_DOMAIN_ID"]))
 
 
 @pytest.fixture
