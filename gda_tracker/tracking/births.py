@@ -12,7 +12,8 @@ from gda_tracker.tracking.lifecycle import confirmed
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.mht.start import start_numbers, start_scores
 from gda_tracker.tracking.model_states import with_models
-from gda_tracker.tracking.parameters import M_OF_N, TrackManagerParameters
+from gda_tracker.tracking.parameter_groups.life import M_OF_N
+from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.beliefs import Evidence
 from gda_tracker.vocabulary.hypotheses import Associations

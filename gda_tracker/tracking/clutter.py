@@ -19,7 +19,8 @@ from gda_tracker.kinematics.sensor_models import (
     polar_measurements,
     predicted_measurements,
 )
-from gda_tracker.tracking.parameters import GIVEN, TrackManagerParameters
+from gda_tracker.tracking.parameter_groups.sensor import GIVEN
+from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray, empty_floats
 from gda_tracker.vocabulary.scans import Scan
 from gda_tracker.vocabulary.tracks import CONFIRMED

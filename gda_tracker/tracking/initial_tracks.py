@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.manager_state import ManagerState
+from gda_tracker.tracking.statement_desk import StatementDesk
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
 
@@ -71,4 +73,26 @@ def hypotheses_of_tracks(
         frame=initial.frame,
         focal=initial.focal.copy(),
         class_names=initial.class_names,
+    )
+
+
+def identity_of(initial: Tracks) -> tuple[bytes, int]:
+    """Return what makes two messages of initial tracks the same: system UUID and stamp."""
+    return initial.system_uuid, initial.key.stamp_ns
+
+
+def state_of_initial_tracks(initial: Tracks, before: ManagerState) -> ManagerState:
+    """Return the state that starts from labelled tracks; ids and the count of scans go on."""
+    n = len(initial)
+    return ManagerState(
+        table=hypotheses_of_tracks(initial, before.next_track_id, before.next_hypothesis_id),
+        next_track_id=before.next_track_id + n,
+        next_hypothesis_id=before.next_hypothesis_id + n,
+        next_detection_number=before.next_detection_number,
+        last_ns=initial.key.stamp_ns,
+        last_sensors=(initial.key.sensor_id,),
+        initialised_from=identity_of(initial),
+        scans_closed=before.scans_closed,
+        # Like scans, statements may have waited for the first tracks.
+        desk=before.desk if before.initialised_from is None else StatementDesk(),
     )

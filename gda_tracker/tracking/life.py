@@ -7,7 +7,8 @@ from collections.abc import Callable
 from gda_tracker.tracking.extraction import decide, sequential_test
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.lifecycle import confirmed, ended
-from gda_tracker.tracking.parameters import M_OF_N, SEQUENTIAL, TrackManagerParameters
+from gda_tracker.tracking.parameter_groups.life import M_OF_N, SEQUENTIAL
+from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 from gda_tracker.vocabulary.tracks import CONFIRMED
 

@@ -18,39 +18,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from gda_tracker.association.choices import JPDA
 from gda_tracker.tracking.answers import Inconsistent, check_answers
-from gda_tracker.tracking.births import begin_tracks
-from gda_tracker.tracking.clutter import clutter_after, densities_of_hypotheses
+from gda_tracker.tracking.closing import (
+    GAVE_UP,
+    TRACKED,
+    ClosedScan,
+    close_by_decision,
+    close_unanswered,
+)
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
-from gda_tracker.tracking.extraction import scan_increments
-from gda_tracker.tracking.history_window import remember, with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
-from gda_tracker.tracking.initial_tracks import fault_of_initial_tracks, hypotheses_of_tracks
-from gda_tracker.tracking.initiation import StartPoints
-from gda_tracker.tracking.jpda_update import update_by_marginals
-from gda_tracker.tracking.life import judge
+from gda_tracker.tracking.initial_tracks import (
+    fault_of_initial_tracks,
+    identity_of,
+    state_of_initial_tracks,
+)
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
-from gda_tracker.tracking.mht.delayed import StepBack, generation_of, pass_on, past_of, tell_all
-from gda_tracker.tracking.mht.generations import Generation, settle
-from gda_tracker.tracking.mht.growth import coast, grow
-from gda_tracker.tracking.mht.start import fit
+from gda_tracker.tracking.mht.delayed import StepBack, generation_of, pass_on, tell_all
+from gda_tracker.tracking.opening import desk_limits, open_scan
 from gda_tracker.tracking.parameters import TrackManagerParameters
-from gda_tracker.tracking.predictions import predictions_of
 from gda_tracker.tracking.state_retrodiction import retrodict_states
-from gda_tracker.tracking.state_update import (
-    count_detections,
-    predict_states,
-    update_beliefs,
-    update_states,
-)
-from gda_tracker.tracking.statement_desk import DeskLimits, StatementDesk
 from gda_tracker.tracking.statement_door import StatementRejected, validate_statement
-from gda_tracker.tracking.statement_update import (
-    heard_rows,
-    update_heard_beliefs,
-    update_heard_states,
-)
 from gda_tracker.tracking.track_output import tracks_of
 from gda_tracker.tracking.waiting_room import ReorderWindow, WaitingRoom
 from gda_tracker.vocabulary.arrays import IntArray
@@ -150,7 +138,7 @@ class TrackManager:
         try:
             statement = validate_statement(statement, p.tracking_frame)
             state.desk = state.desk.admit(
-                statement, self._room.newest_ns, table.track_id.tolist(), self._desk_limits
+                statement, self._room.newest_ns, table.track_id.tolist(), desk_limits(p)
             )
         except StatementRejected as rejection:
             reason = str(rejection)
@@ -164,12 +152,6 @@ class TrackManager:
             reason,
             len(state.desk.waiting),
         )
-
-    @property
-    def _desk_limits(self) -> DeskLimits:
-        p = self.parameters
-        age_ns = round(p.statement_max_age_s * 1e9)
-        return DeskLimits(p.max_statements, age_ns, round(p.statement_max_ahead_s * 1e9))
 
     @property
     def waiting(self) -> int:
@@ -211,11 +193,9 @@ class TrackManager:
         Scans that have waited for the first initial tracks wait on; what waits when others follow
         is dropped and counted.
         """
-        identity = (initial.system_uuid, initial.key.stamp_ns)
         state = self.state
-        n = len(initial)
-        report = ScanReport(initial.key, "initialised", tracks_confirmed=n)
-        if identity == state.initialised_from:
+        report = ScanReport(initial.key, "initialised", tracks_confirmed=len(initial))
+        if identity_of(initial) == state.initialised_from:
             return replace(report, repeated=True)
         reason = fault_of_initial_tracks(initial)
         if reason:
@@ -224,18 +204,7 @@ class TrackManager:
         self.opened = None
         self._apply_parameters()
         self.delayed = self.rest_of_delayed()
-        self.state = ManagerState(
-            table=hypotheses_of_tracks(initial, state.next_track_id, state.next_hypothesis_id),
-            next_track_id=state.next_track_id + n,
-            next_hypothesis_id=state.next_hypothesis_id + n,
-            next_detection_number=state.next_detection_number,
-            last_ns=initial.key.stamp_ns,
-            last_sensors=(initial.key.sensor_id,),
-            initialised_from=identity,
-            scans_closed=state.scans_closed,
-            # Like scans, statements may have waited for the first tracks.
-            desk=state.desk if state.initialised_from is None else StatementDesk(),
-        )
+        self.state = state_of_initial_tracks(initial, state)
         waiting, self._room, self._generation = self._room, WaitingRoom(), 0
         self._room.begin(initial.key.stamp_ns, self.state.last_sensors)
         left = len(waiting)
@@ -267,43 +236,10 @@ class TrackManager:
             raise Inconsistent("no scan is ready to be opened")
         self._apply_parameters()
         waiting = self._room.take()
-        state, p = self.state, self.parameters
-        scan = waiting.scan
-        table, ended_ids, started = state.table, np.zeros(0, dtype=np.int64), state.last_ns is None
-        dt_s = 0.0 if state.last_ns is None else (scan.key.stamp_ns - state.last_ns) / 1e9
-        if waiting.generation != self._generation or dt_s > p.max_gap_s:
-            reason = "time_jump" if waiting.generation != self._generation else "gap"
-            self.counters[f"reset_{reason}"] += 1
-            if reason == "time_jump":
-                state.desk = state.desk.forget()
-            self._generation = waiting.generation
-            ended_ids, started, dt_s = table.track_id[table.chosen], True, 0.0
-            table = table.select(np.zeros(len(table), dtype=bool))
-        table = fit(table, p.mht_scans if p.decision == "mht" else 0)
-        table = with_window(predict_states(table, dt_s, p), p.window_rows)
-        density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
-        if state.desk.waiting:
-            scan = self._with_statements(scan, table)
-        self.opened = OpenScan(
-            scan,
-            predictions_of(scan.key, table, p, density),
-            table,
-            ended_ids,
-            started,
-            waiting.admitted_at,
-            waiting.received,
-            waiting.counts,
-            density,
-        )
+        restarted = waiting.generation != self._generation
+        self._generation = waiting.generation
+        self.opened = open_scan(self.state, waiting, restarted, self.parameters, self.counters)
         return self.opened
-
-    def _with_statements(self, scan: Scan, table: HypothesisTable) -> Scan:
-        """Return the scan with the statements that are due."""
-        state, stamp_ns = self.state, scan.key.stamp_ns
-        state.desk = state.desk.clear_up(
-            stamp_ns, table.track_id.tolist(), self._desk_limits, self.counters
-        )
-        return replace(scan, statements=state.desk.due(stamp_ns))
 
     def close(
         self,
@@ -327,150 +263,39 @@ class TrackManager:
             check_answers(
                 opened.scan.key, len(opened.table), len(opened.scan), evidence, scores, associations
             )
-        if opened.predictions.settings.attribute_term == "none":
-            # The attribute was not asked: tracks carry no belief about it.
-            evidence = scores = None
-        if opened.predictions.settings.decision == "mht":
-            return self._close_trees(opened, evidence, scores, associations)
-        table = opened.table.copy()
-        assigned = associations.assigned_detection
-        if evidence is not None:
-            table.use_frame(evidence.frame, evidence.class_names)
-        if associations.degraded:
-            scores = None
-        if associations.decision == JPDA:
-            if scores is not None:
-                every = np.arange(len(scores.updated_hypothesis))
-                update_heard_beliefs(
-                    table, scores, scores.updated_hypothesis.astype(np.int64), every
-                )
-            update_by_marginals(
-                table, opened.scan, scores, associations, self.parameters.use_range_rate
-            )
-        else:
-            update_states(table, opened.scan, assigned, self.parameters.use_range_rate)
-            if scores is not None:
-                update_beliefs(table, scores, associations.chosen)
-                update_heard_beliefs(
-                    table, scores, *heard_rows(scores, np.arange(len(table)), assigned < 0)
-                )
-        if opened.scan.statements:
-            update_heard_states(
-                table, opened.table, opened.scan.statements, with_classes=scores is not None
-            )
-        if scores is not None and evidence is not None:
-            taken = np.flatnonzero(associations.chosen)
-            remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])
-
-        p = self.parameters
-        count_detections(table, opened.scan, assigned)
-        density = opened.clutter_density
-        gone = judge(
-            table, lambda: scan_increments(opened.predictions, scores, associations, density), p
-        )
-        self.state.clutter = clutter_after(
-            self.state.clutter, opened.scan, table.status, assigned, p
-        )
-        deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
-        if gone.any():
-            table = table.select(~gone)
-        table, points = self._begin_tracks(opened, table, associations, evidence)
-        outcome = "degraded" if associations.degraded else "tracked"
-        return self._finish(opened, table, points, deleted, outcome, [])
-
-    def _close_trees(
-        self,
-        opened: OpenScan,
-        evidence: Evidence | None,
-        scores: AttributeScores | None,
-        associations: Associations,
-    ) -> tuple[Tracks, ScanReport]:
-        """Close the open scan by growing the hypothesis trees."""
-        past = [] if opened.started else past_of(self.state)
-        growth = grow(
+        return self._finish(
             opened,
-            past,
-            evidence,
-            None if associations.degraded else scores,
-            associations,
-            self.state.next_detection_number,
-            self.parameters,
+            close_by_decision(
+                opened, evidence, scores, associations, self.state, self.parameters, self.counters
+            ),
         )
-        settle(past, growth.ended_parent_id)
-        table = self._renamed(growth.table)
-        deleted = np.concatenate([opened.ended_track_id, growth.ended_track_id])
-        decided = replace(associations, assigned_detection=growth.assigned)
-        self.state.clutter = clutter_after(
-            self.state.clutter, opened.scan, opened.table.status, growth.assigned, self.parameters
-        )
-        grown, points = self._begin_tracks(opened, table, decided, evidence)
-        outcome = "degraded" if associations.degraded else "tracked"
-        return self._finish(opened, grown, points, deleted, outcome, past)
 
     def give_up(self) -> tuple[Tracks, ScanReport]:
         """Close the open scan without an answer: tracks are predicted, no miss counts."""
         opened = self._require_open()
-        past: list[Generation] = []
-        if opened.predictions.settings.decision == "mht":
-            past = [] if opened.started else past_of(self.state)
-            table = self._renamed(coast(opened, past, self.parameters))
-        else:
-            table = opened.table.copy()
-            table.detection_index = np.full(len(table), -1, dtype=np.int64)
-        points = StartPoints() if opened.started else self.state.points
-        return self._finish(opened, table, points, opened.ended_track_id, "gave_up", past)
-
-    def _renamed(self, table: HypothesisTable) -> HypothesisTable:
-        """Give every row an id of its own."""
-        first = self.state.next_hypothesis_id
-        self.state.next_hypothesis_id = first + len(table)
-        table.hypothesis_id = np.arange(first, first + len(table), dtype=np.int64)
-        return table
+        return self._finish(opened, close_unanswered(opened, self.state, self.parameters))
 
     def _require_open(self) -> OpenScan:
         if self.opened is None:
             raise Inconsistent("no scan is open")
         return self.opened
 
-    def _begin_tracks(
-        self,
-        opened: OpenScan,
-        table: HypothesisTable,
-        associations: Associations,
-        evidence: Evidence | None,
-    ) -> tuple[HypothesisTable, StartPoints]:
-        """Append what starts from the unassigned detections, as far as there is room."""
-        grown, points, refused = begin_tracks(
-            opened, table, associations, evidence, self.state, self.parameters
-        )
-        if refused:
-            self.counters["max_tracks_reached"] += refused
-        return grown, points
-
-    def _finish(
-        self,
-        opened: OpenScan,
-        table: HypothesisTable,
-        points: StartPoints,
-        deleted: IntArray,
-        outcome: str,
-        past: list[Generation],
-    ) -> tuple[Tracks, ScanReport]:
-        """Move the state on; ``past`` are the trees' generations before this scan."""
-        state = self.state
+    def _finish(self, opened: OpenScan, closed: ClosedScan) -> tuple[Tracks, ScanReport]:
+        """Move the state on."""
+        state, past, table = self.state, closed.past, closed.table
         if not past:
             self.delayed = self.rest_of_delayed()
             state.generations = []
-        state.table, state.points = table, points
+        state.table, state.points = table, closed.points
         state.next_detection_number += len(opened.scan)
-        if outcome != "gave_up":
+        if closed.outcome != GAVE_UP:
             state.desk = state.desk.without(opened.scan.statements)
         key = opened.scan.key
         others = state.last_sensors if key.stamp_ns == state.last_ns else ()
         state.last_sensors = (*others, key.sensor_id)
         state.last_key, state.last_ns = key, key.stamp_ns
-        state.deleted_track_id = deleted
-        state.degraded = outcome != "tracked"
+        state.deleted_track_id = closed.deleted_track_id
+        state.degraded = closed.outcome != TRACKED
         newest = generation_of(state)
         if past and newest is not None:
             state.generations, self.delayed = pass_on(
@@ -481,7 +306,7 @@ class TrackManager:
         confirmed_tracks = int(np.count_nonzero(table.chosen & (table.status == CONFIRMED)))
         state.last_report = ScanReport(
             opened.scan.key,
-            outcome,
+            closed.outcome,
             detections_received=opened.received,
             detections_admitted=len(opened.scan),
             rejected=dict(opened.rejected),
@@ -490,7 +315,7 @@ class TrackManager:
             queue_length=len(self._room),
         )
         self.opened = None
-        self.counters[outcome] += 1
+        self.counters[closed.outcome] += 1
         return self.tracks(), state.last_report
 
     def tracks(self) -> Tracks:

@@ -7,7 +7,8 @@ from functools import lru_cache
 import numpy as np
 
 from gda_tracker.tracking.hypotheses import HypothesisTable
-from gda_tracker.tracking.parameters import GIVEN, TrackManagerParameters
+from gda_tracker.tracking.parameter_groups.sensor import GIVEN
+from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.hypotheses import AssociationSettings, Predictions
 from gda_tracker.vocabulary.scans import ScanKey

@@ -28,7 +28,8 @@ from gda_tracker.simulation.scenarios import load_scenario
 from gda_tracker.simulation.simulate import simulate
 from gda_tracker.tracking.history_window import with_window
 from gda_tracker.tracking.labelled import labelled_tracks
-from gda_tracker.tracking.parameters import LONGEST_HISTORY_WINDOW, TrackManagerParameters
+from gda_tracker.tracking.parameter_groups.history import LONGEST_HISTORY_WINDOW
+from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.ring import Ring, RingResult
 from gda_tracker.vocabulary.hypotheses import BELIEF_ROW, EVIDENCE_ROW, NO_ROW
 

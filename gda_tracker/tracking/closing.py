@@ -1,0 +1,188 @@
+"""Closing a scan: what the decision makes of the hypotheses, scan by scan or in trees."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gda_tracker.association.choices import JPDA
+from gda_tracker.tracking.births import begin_tracks
+from gda_tracker.tracking.clutter import clutter_after
+from gda_tracker.tracking.extraction import scan_increments
+from gda_tracker.tracking.history_window import remember
+from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.initiation import StartPoints
+from gda_tracker.tracking.jpda_update import update_by_marginals
+from gda_tracker.tracking.life import judge
+from gda_tracker.tracking.manager_state import ManagerState, OpenScan
+from gda_tracker.tracking.mht.delayed import past_of
+from gda_tracker.tracking.mht.generations import Generation, settle
+from gda_tracker.tracking.mht.growth import coast, grow
+from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.state_update import count_detections, update_beliefs, update_states
+from gda_tracker.tracking.statement_update import (
+    heard_rows,
+    update_heard_beliefs,
+    update_heard_states,
+)
+from gda_tracker.vocabulary.arrays import IntArray
+from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
+from gda_tracker.vocabulary.hypotheses import Associations
+
+MHT = "mht"
+TRACKED, DEGRADED, GAVE_UP = "tracked", "degraded", "gave_up"
+
+
+@dataclass(slots=True)
+class ClosedScan:
+    """What a scan leaves: hypotheses, start points, tracks that ended, and how it was answered.
+
+    ``past`` are the trees' generations before the scan; none but under ``mht``.
+    """
+
+    table: HypothesisTable
+    points: StartPoints
+    deleted_track_id: IntArray
+    outcome: str
+    past: list[Generation] = field(default_factory=list)
+
+
+def close_by_decision(
+    opened: OpenScan,
+    evidence: Evidence | None,
+    scores: AttributeScores | None,
+    associations: Associations,
+    state: ManagerState,
+    parameters: TrackManagerParameters,
+    counters: Counter[str],
+) -> ClosedScan:
+    """Apply the decision on an open scan; ids and clutter of the state move on.
+
+    Raises
+    ------
+    Inconsistent
+        For a log likelihood that is NaN or infinite; nothing has changed then.
+    """
+    if opened.predictions.settings.attribute_term == "none":
+        # The attribute was not asked: tracks carry no belief about it.
+        evidence = scores = None
+    outcome = DEGRADED if associations.degraded else TRACKED
+    if associations.degraded:
+        scores = None
+    close = _close_trees if opened.predictions.settings.decision == MHT else _close_single
+    closed = close(opened, evidence, scores, associations, state, parameters, counters)
+    closed.outcome = outcome
+    return closed
+
+
+def close_unanswered(
+    opened: OpenScan, state: ManagerState, parameters: TrackManagerParameters
+) -> ClosedScan:
+    """Close a scan without an answer: tracks are predicted, no miss counts."""
+    past: list[Generation] = []
+    if opened.predictions.settings.decision == MHT:
+        past = [] if opened.started else past_of(state)
+        table = _renamed(coast(opened, past, parameters), state)
+    else:
+        table = opened.table.copy()
+        table.detection_index = np.full(len(table), -1, dtype=np.int64)
+    points = StartPoints() if opened.started else state.points
+    return ClosedScan(table, points, opened.ended_track_id, GAVE_UP, past)
+
+
+def _close_single(
+    opened: OpenScan,
+    evidence: Evidence | None,
+    scores: AttributeScores | None,
+    associations: Associations,
+    state: ManagerState,
+    parameters: TrackManagerParameters,
+    counters: Counter[str],
+) -> ClosedScan:
+    """Close the open scan with one hypothesis for each track."""
+    p, table = parameters, opened.table.copy()
+    assigned = associations.assigned_detection
+    if evidence is not None:
+        table.use_frame(evidence.frame, evidence.class_names)
+    if associations.decision == JPDA:
+        if scores is not None:
+            every = np.arange(len(scores.updated_hypothesis))
+            update_heard_beliefs(table, scores, scores.updated_hypothesis.astype(np.int64), every)
+        update_by_marginals(table, opened.scan, scores, associations, p.use_range_rate)
+    else:
+        update_states(table, opened.scan, assigned, p.use_range_rate)
+        if scores is not None:
+            update_beliefs(table, scores, associations.chosen)
+            update_heard_beliefs(
+                table, scores, *heard_rows(scores, np.arange(len(table)), assigned < 0)
+            )
+    if opened.scan.statements:
+        update_heard_states(
+            table, opened.table, opened.scan.statements, with_classes=scores is not None
+        )
+    if scores is not None and evidence is not None:
+        taken = np.flatnonzero(associations.chosen)
+        remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])
+
+    count_detections(table, opened.scan, assigned)
+    density = opened.clutter_density
+    gone = judge(
+        table, lambda: scan_increments(opened.predictions, scores, associations, density), p
+    )
+    state.clutter = clutter_after(state.clutter, opened.scan, table.status, assigned, p)
+    deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
+    if gone.any():
+        table = table.select(~gone)
+    table, points = _begin_tracks(opened, table, associations, evidence, state, p, counters)
+    return ClosedScan(table, points, deleted, TRACKED)
+
+
+def _close_trees(
+    opened: OpenScan,
+    evidence: Evidence | None,
+    scores: AttributeScores | None,
+    associations: Associations,
+    state: ManagerState,
+    parameters: TrackManagerParameters,
+    counters: Counter[str],
+) -> ClosedScan:
+    """Close the open scan by growing the hypothesis trees."""
+    past = [] if opened.started else past_of(state)
+    growth = grow(
+        opened, past, evidence, scores, associations, state.next_detection_number, parameters
+    )
+    settle(past, growth.ended_parent_id)
+    table = _renamed(growth.table, state)
+    deleted = np.concatenate([opened.ended_track_id, growth.ended_track_id])
+    decided = replace(associations, assigned_detection=growth.assigned)
+    state.clutter = clutter_after(
+        state.clutter, opened.scan, opened.table.status, growth.assigned, parameters
+    )
+    table, points = _begin_tracks(opened, table, decided, evidence, state, parameters, counters)
+    return ClosedScan(table, points, deleted, TRACKED, past)
+
+
+def _renamed(table: HypothesisTable, state: ManagerState) -> HypothesisTable:
+    """Give every row an id of its own."""
+    first = state.next_hypothesis_id
+    state.next_hypothesis_id = first + len(table)
+    table.hypothesis_id = np.arange(first, first + len(table), dtype=np.int64)
+    return table
+
+
+def _begin_tracks(
+    opened: OpenScan,
+    table: HypothesisTable,
+    associations: Associations,
+    evidence: Evidence | None,
+    state: ManagerState,
+    parameters: TrackManagerParameters,
+    counters: Counter[str],
+) -> tuple[HypothesisTable, StartPoints]:
+    """Append what starts from the unassigned detections, as far as there is room."""
+    grown, points, refused = begin_tracks(opened, table, associations, evidence, state, parameters)
+    if refused:
+        counters["max_tracks_reached"] += refused
+    return grown, points

@@ -1,0 +1,91 @@
+"""Opening a scan: every hypothesis is predicted to its time, and the other stages are told."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from gda_tracker.tracking.clutter import densities_of_hypotheses
+from gda_tracker.tracking.history_window import with_window
+from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.manager_state import ManagerState, OpenScan
+from gda_tracker.tracking.mht.start import fit
+from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.predictions import predictions_of
+from gda_tracker.tracking.state_update import predict_states
+from gda_tracker.tracking.statement_desk import DeskLimits
+from gda_tracker.tracking.waiting_room import Waiting
+from gda_tracker.vocabulary.scans import Scan
+
+
+def open_scan(
+    state: ManagerState,
+    waiting: Waiting,
+    restarted: bool,
+    parameters: TrackManagerParameters,
+    counters: Counter[str],
+) -> OpenScan:
+    """Open a scan that has waited for its turn.
+
+    Parameters
+    ----------
+    state
+        At rest; only its desk of statements is changed, which is cleared up.
+    waiting
+        The scan.
+    restarted
+        Whether the time axis has begun anew with it.
+    parameters
+        Those of the scan.
+    counters
+        Resets and statements that were dropped are counted here.
+    """
+    p, scan = parameters, waiting.scan
+    table, ended_ids, started = state.table, np.zeros(0, dtype=np.int64), state.last_ns is None
+    dt_s = 0.0 if state.last_ns is None else (scan.key.stamp_ns - state.last_ns) / 1e9
+    if restarted or dt_s > p.max_gap_s:
+        counters[f"reset_{'time_jump' if restarted else 'gap'}"] += 1
+        if restarted:
+            state.desk = state.desk.forget()
+        ended_ids, started, dt_s = table.track_id[table.chosen], True, 0.0
+        table = table.select(np.zeros(len(table), dtype=bool))
+    table = fit(table, p.mht_scans if p.decision == "mht" else 0)
+    table = with_window(predict_states(table, dt_s, p), p.window_rows)
+    density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
+    if state.desk.waiting:
+        scan = _with_statements(scan, table, state, p, counters)
+    return OpenScan(
+        scan,
+        predictions_of(scan.key, table, p, density),
+        table,
+        ended_ids,
+        started,
+        waiting.admitted_at,
+        waiting.received,
+        waiting.counts,
+        density,
+    )
+
+
+def desk_limits(parameters: TrackManagerParameters) -> DeskLimits:
+    """How many statements may wait, and for how long."""
+    p = parameters
+    age_ns = round(p.statement_max_age_s * 1e9)
+    return DeskLimits(p.max_statements, age_ns, round(p.statement_max_ahead_s * 1e9))
+
+
+def _with_statements(
+    scan: Scan,
+    table: HypothesisTable,
+    state: ManagerState,
+    parameters: TrackManagerParameters,
+    counters: Counter[str],
+) -> Scan:
+    """Return the scan with the statements that are due."""
+    stamp_ns = scan.key.stamp_ns
+    state.desk = state.desk.clear_up(
+        stamp_ns, table.track_id.tolist(), desk_limits(parameters), counters
+    )
+    return replace(scan, statements=state.desk.due(stamp_ns))

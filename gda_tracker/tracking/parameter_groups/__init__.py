@@ -1,0 +1,1 @@
+"""The parameter table of the track manager in groups, each with its own checks."""
