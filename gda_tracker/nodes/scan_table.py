@@ -49,6 +49,12 @@ class ScanTable:
     def __len__(self) -> int:
         return len(self._entries)
 
+    def clear(self) -> int:
+        """Forget what is not complete; return how many keys that were."""
+        left = len(self._entries)
+        self._drop(list(self._entries), "reset")
+        return left
+
     def peek(self, key: ScanKey) -> Inputs | None:
         """Return what has come so far for a key that is not complete."""
         return self._entries.get(key)

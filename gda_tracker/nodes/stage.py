@@ -11,6 +11,7 @@ from gda_tracker.io.messages import MessageError
 from gda_tracker.nodes.base import STAGE_ERRORS, RingNode
 from gda_tracker.nodes.qualities import latched
 from gda_tracker.nodes.scan_table import Inputs, ScanTable
+from gda_tracker.nodes.services import offer
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,11 @@ class StageNode(RingNode):
         self._publisher: Any = None
         self._answered = 0
         self.use_parameters(self.parameters)
+        offer(self, "reset", self._reset)
+
+    def _reset(self) -> str:
+        """Forget the scans whose inputs are not complete; there is no other state."""
+        return f"{self._table_of_scans.clear()} incomplete scans forgotten"
 
     def complete(self, entry: Inputs) -> bool:
         """Whether the inputs of a scan suffice."""

@@ -30,6 +30,7 @@ from gda_tracker.io.messages import (
 from gda_tracker.io.track_cdr import tracks_to_cdr
 from gda_tracker.nodes.base import STAGE_ERRORS, RingNode, spin_node
 from gda_tracker.nodes.qualities import latched, sensor, stream
+from gda_tracker.nodes.state_services import offer_state_services
 from gda_tracker.parameters import ParameterError
 from gda_tracker.tracking import checkpoint
 from gda_tracker.tracking.manager import TrackManager
@@ -74,6 +75,7 @@ class TrackManagerNode(RingNode):
         self._last_input: float | None = None
         self._sequences: dict[str, int] = {}
         self._latency_s = 0.0
+        offer_state_services(self)
 
     def use_parameters(self, parameters: TrackManagerParameters) -> None:
         """Hand over new parameters; they act when the next scan opens."""
@@ -261,6 +263,15 @@ class TrackManagerNode(RingNode):
         """Publish what the scan has made final; before the checkpoint, since it is told once."""
         for tracks in self.manager.delayed:
             self._delayed.publish(tracks_to_cdr(tracks))
+
+    def start_afresh(self, dropped: list[ScanReport]) -> None:
+        """Go on after the state was replaced; ``dropped`` answers the scans under way."""
+        self._forget_open()
+        self._sequences.clear()
+        self._publish_delayed()
+        self._save()
+        for report in dropped:
+            self._report(report)
 
     def _forget_open(self) -> None:
         self._open_messages = None

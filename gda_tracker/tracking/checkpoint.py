@@ -21,7 +21,7 @@ import os
 import struct
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -99,24 +99,55 @@ def load(manager: TrackManager, path: Path) -> bool:
     CheckpointError
         If the file exists and is not a whole checkpoint of this format; ``manager`` is unchanged.
     """
+    found = _read(path, manager.epoch)
+    if found is None:
+        return False
+    manager.state, manager.system_uuid = found.state, found.system_uuid
+    manager.counters.clear()
+    manager.counters.update(found.counters)
+    manager.resume()
+    return True
+
+
+def restore(manager: TrackManager, path: Path, epoch: int) -> list[ScanReport]:
+    """Give a running ``manager`` the state in ``path``, and a new epoch.
+
+    Its counters go on. Returns the answers to the scans that were under way, see
+    :meth:`~gda_tracker.tracking.manager.TrackManager.reset`.
+
+    Raises
+    ------
+    CheckpointError
+        If there is no such file, or it is not a whole checkpoint of this format; ``manager`` is
+        unchanged.
+    """
+    found = _read(path, epoch)
+    if found is None:
+        raise CheckpointError(f"checkpoint {path}: there is no such file")
+    return manager.restore(found.state, found.system_uuid, epoch)
+
+
+class _Content(NamedTuple):
+    state: ManagerState
+    system_uuid: bytes
+    counters: dict[str, int]
+
+
+def _read(path: Path, epoch: int) -> _Content | None:
+    """Content of a file, ``None`` if there is none."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
-        return False
+        return None
     except OSError as error:
         raise CheckpointError(f"checkpoint {path}: cannot be read ({error.strerror})") from error
     try:
         rest, arrays = _parse(content)
-        state = _state(rest, arrays, manager.epoch)
-        system_uuid, counters = bytes.fromhex(rest["system_uuid"]), dict(rest["counters"])
+        state = _state(rest, arrays, epoch)
+        return _Content(state, bytes.fromhex(rest["system_uuid"]), dict(rest["counters"]))
     except (ValueError, KeyError, TypeError, struct.error) as error:
         reason = " ".join(str(error).split())
         raise CheckpointError(f"checkpoint {path}: not readable ({reason})") from error
-    manager.state, manager.system_uuid = state, system_uuid
-    manager.counters.clear()
-    manager.counters.update(counters)
-    manager.resume()
-    return True
 
 
 def _rest(manager: TrackManager) -> dict[str, Any]:

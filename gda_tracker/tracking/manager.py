@@ -68,6 +68,8 @@ class TrackManager:
         self.delayed: list[Tracks] = []
         self._room = WaitingRoom()
         self._generation = 0
+        # Tracks that ended outside any scan; the next scan tells.
+        self._ended_track_id: IntArray = np.zeros(0, dtype=np.int64)
         self._next_parameters: TrackManagerParameters | None = None
 
     # --- the door -----------------------------------------------------------------------------
@@ -215,6 +217,70 @@ class TrackManager:
             self.counters["dropped_at_initialisation"] += left
         return report
 
+    def reset(self, epoch: int, reason: str = "reset") -> list[ScanReport]:
+        """End all tracks and forget all but the ids, as if the next scan were the first.
+
+        ``epoch`` is a new one, above the last: what stages still answer to earlier scans is not
+        taken for an answer to later ones of the same time. The tracks that lived are told as ended
+        with the next scan.
+
+        Returns
+        -------
+        list of ScanReport
+            Answers to the scans that were open or waited, ``rejected`` for the reason given.
+
+        Raises
+        ------
+        ValueError
+            If the epoch is not above the last.
+        """
+        if epoch <= self.epoch:
+            raise ValueError(f"epoch = {epoch}: allowed is an integer > {self.epoch}")
+        state, opened = self.state, self.opened
+        dropped = [(w.scan.key, w.received) for w in self._room.content()]
+        pending = self._ended_track_id
+        if opened is not None:
+            dropped.insert(0, (opened.scan.key, opened.received))
+            pending = np.union1d(pending, opened.ended_track_id)
+        living = state.table.track_id[state.table.chosen]
+        self.delayed = self.rest_of_delayed()
+        self._ended_track_id = np.union1d(pending, living)
+        self.epoch = epoch
+        self.state = ManagerState(
+            next_track_id=state.next_track_id,
+            next_hypothesis_id=state.next_hypothesis_id,
+            next_detection_number=state.next_detection_number,
+            scans_closed=state.scans_closed,
+        )
+        self.resume()
+        self._apply_parameters()
+        self.counters[f"reset_{reason}"] += 1
+        if dropped:
+            self.counters[f"rejected_{reason}"] += len(dropped)
+        if state.desk.waiting:
+            self.counters[f"statement_dropped_{reason}"] += len(state.desk.waiting)
+        return [
+            ScanReport(ScanKey(epoch, *key[1:]), "rejected", reason, detections_received=received)
+            for key, received in dropped
+        ]
+
+    def restore(self, state: ManagerState, system_uuid: bytes, epoch: int) -> list[ScanReport]:
+        """Go on from another state; the same as :meth:`reset` for what is under way.
+
+        No id that was issued under the same system UUID is issued again.
+        """
+        now = self.state
+        answers = self.reset(epoch, "state_loaded")
+        if system_uuid == self.system_uuid:
+            state.next_track_id = max(state.next_track_id, now.next_track_id)
+            state.next_hypothesis_id = max(state.next_hypothesis_id, now.next_hypothesis_id)
+            self._ended_track_id = np.setdiff1d(self._ended_track_id, state.table.track_id)
+        else:
+            self._ended_track_id = np.zeros(0, dtype=np.int64)  # ids of another system
+        self.state, self.system_uuid = state, system_uuid
+        self.resume()
+        return answers
+
     def resume(self) -> None:
         """Take up the time axis where a restored state left it."""
         state = self.state
@@ -238,7 +304,9 @@ class TrackManager:
         waiting = self._room.take()
         restarted = waiting.generation != self._generation
         self._generation = waiting.generation
-        self.opened = open_scan(self.state, waiting, restarted, self.parameters, self.counters)
+        self.opened = open_scan(
+            self.state, waiting, self._ended_track_id, restarted, self.parameters, self.counters
+        )
         return self.opened
 
     def close(
@@ -315,6 +383,7 @@ class TrackManager:
             queue_length=len(self._room),
         )
         self.opened = None
+        self._ended_track_id = np.zeros(0, dtype=np.int64)
         self.counters[closed.outcome] += 1
         return self.tracks(), state.last_report
 

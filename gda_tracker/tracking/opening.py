@@ -17,12 +17,14 @@ from gda_tracker.tracking.predictions import predictions_of
 from gda_tracker.tracking.state_update import predict_states
 from gda_tracker.tracking.statement_desk import DeskLimits
 from gda_tracker.tracking.waiting_room import Waiting
+from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.scans import Scan
 
 
 def open_scan(
     state: ManagerState,
     waiting: Waiting,
+    ended_track_id: IntArray,
     restarted: bool,
     parameters: TrackManagerParameters,
     counters: Counter[str],
@@ -35,6 +37,8 @@ def open_scan(
         At rest; only its desk of statements is changed, which is cleared up.
     waiting
         The scan.
+    ended_track_id
+        Shape ``(e,)``: tracks that have ended since the last scan, told with this one.
     restarted
         Whether the time axis has begun anew with it.
     parameters
@@ -43,13 +47,14 @@ def open_scan(
         Resets and statements that were dropped are counted here.
     """
     p, scan = parameters, waiting.scan
-    table, ended_ids, started = state.table, np.zeros(0, dtype=np.int64), state.last_ns is None
+    table, ended_ids, started = state.table, ended_track_id, state.last_ns is None
     dt_s = 0.0 if state.last_ns is None else (scan.key.stamp_ns - state.last_ns) / 1e9
     if restarted or dt_s > p.max_gap_s:
         counters[f"reset_{'time_jump' if restarted else 'gap'}"] += 1
         if restarted:
             state.desk = state.desk.forget()
-        ended_ids, started, dt_s = table.track_id[table.chosen], True, 0.0
+        ended_ids = np.concatenate([ended_ids, table.track_id[table.chosen]])
+        started, dt_s = True, 0.0
         table = table.select(np.zeros(len(table), dtype=bool))
     table = fit(table, p.mht_scans if p.decision == "mht" else 0)
     table = with_window(predict_states(table, dt_s, p), p.window_rows)

@@ -62,6 +62,10 @@ class WaitingRoom:
     def __len__(self) -> int:
         return len(self._queue)
 
+    def content(self) -> list[Waiting]:
+        """Return what waits, in time order."""
+        return sorted(self._queue)
+
     def begin(self, stamp_ns: int, sensors: tuple[str, ...]) -> None:
         """Start the time axis as if the scans of ``sensors`` at ``stamp_ns`` had been opened."""
         self.newest_ns = self._opened_ns = stamp_ns

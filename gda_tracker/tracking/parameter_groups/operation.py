@@ -17,6 +17,11 @@ class OperationParameters:
         "empty: none",
         live=False,
     )
+    state_path: str = parameter(
+        "",
+        "file that the services save_state and load_state write and read; empty: they refuse",
+        advanced=True,
+    )
     statements_depth: int = parameter(
         100,
         "history depth of the statements subscription",
