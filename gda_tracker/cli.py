@@ -124,6 +124,28 @@ COMMANDS = {
           gda-tracker say buoy.yaml
         """,
     ),
+    "params": Command(
+        "gda_tracker.commands.params",
+        "the parameters of a running tracker: list, get, set, save",
+        """
+        Reads and changes the parameters of the nodes that run in the ROS domain of the environment,
+        through their services.
+
+          list         all parameters: value, meaning, unit, range, live or fixed at start-up
+          get          values of some
+          set          change several at once: each node takes all of its own or none, and says why
+                       not; a change acts at the next scan
+          save         write a parameter file for gda-tracker run --params
+
+        Exit status 1 if a node refuses, 2 for a wrong name or value or if no tracker runs.
+
+        examples:
+          gda-tracker params list --node track_manager
+          gda-tracker params get gate_probability
+          gda-tracker params set gate_probability=0.999 clutter_density_per_m_rad=1e-5
+          gda-tracker params save my_radar.yaml
+        """,
+    ),
     "evaluate": Command(
         "gda_tracker.evaluation.command",
         "Monte Carlo of scenarios: which method keeps the tracks pure?",
