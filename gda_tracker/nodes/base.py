@@ -22,6 +22,7 @@ from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from gda_tracker.nodes.executor import LeanExecutor
+from gda_tracker.nodes.hearing import Hearing
 from gda_tracker.parameters import ParameterError, from_mapping, specifications
 
 DIAGNOSTICS_PERIOD_S = 1.0
@@ -63,7 +64,7 @@ class RingNode(LifecycleNode):
         self.counters: Counter[str] = Counter()
         self.active = False
         self._outputs: list[Any] = []
-        self._inputs: list[Any] = []
+        self._inputs: list[Hearing] = []
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.parameters = self._declare_parameters()
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -71,7 +72,7 @@ class RingNode(LifecycleNode):
             lambda _: self.use_parameters(self._read_parameters())
         )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_timer(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics, clock=self._steady)
+        self.create_timer(DIAGNOSTICS_PERIOD_S, self._each_second, clock=self._steady)
 
     # --- parameters -------------------------------------------------------------------------
 
@@ -152,16 +153,29 @@ class RingNode(LifecycleNode):
             if self.active:
                 callback(received)
 
-        self._inputs.append(
-            self.create_subscription(
+        def create(receive: Callable[[Any], None]) -> Any:
+            return self.create_subscription(
                 message,
                 topic,
-                guarded,
+                receive,
                 quality,
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                 **kw,
             )
-        )
+
+        name = self.resolve_topic_name(topic)
+
+        def publishers() -> frozenset[bytes]:
+            found = self.get_publishers_info_by_topic(name)
+            return frozenset(bytes(info.endpoint_gid) for info in found)
+
+        self._inputs.append(Hearing(create, self.destroy_subscription, guarded, publishers))
+
+    def _renew_deaf_inputs(self) -> None:
+        now = self.seconds()
+        for item in self._inputs:
+            if item.check(now):
+                self.counters["renewed_subscription"] += 1
 
     def advertise(self, message: type, topic: str, quality: QoSProfile) -> Any:
         """Publish while configured."""
@@ -205,7 +219,7 @@ class RingNode(LifecycleNode):
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
         """Remove the topics."""
         for item in self._inputs:
-            self.destroy_subscription(item)
+            item.close()
         for item in self._outputs:
             self.destroy_publisher(item)
         self._inputs, self._outputs = [], []
@@ -232,6 +246,10 @@ class RingNode(LifecycleNode):
     def figures(self) -> dict[str, Any]:
         """Further values for diagnostics."""
         return {}
+
+    def _each_second(self) -> None:
+        self._renew_deaf_inputs()
+        self._publish_diagnostics()
 
     def _publish_diagnostics(self) -> None:
         level, text = self.health()
