@@ -2,8 +2,8 @@
 
 When a node is killed and comes back, Fast DDS 2.14 now and then counts it as matched and sends it
 nothing, for ever: seen about once in a hundred kills, with the publisher of another process that
-had lived on. A new subscription makes the publisher look at its readers again. Only inputs that have
-heard nothing at all since they were opened are touched, so nothing can get lost by it.
+had lived on. A new subscription makes the publisher look at its readers again. Only inputs that
+have heard nothing at all since they were opened are touched, so nothing can get lost by it.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from collections.abc import Callable
 from typing import Any
 
 FIRST_WAIT_S = 3.0
-# With doubled waits the last trial is a minute and a half after the publisher was seen. A topic that
-# is merely silent, as that of statements, is left alone from then on.
+# With doubled waits the last trial is a minute and a half after the publisher was seen. A topic
+# that is merely silent, as that of statements, is left alone from then on.
 MOST_RENEWALS = 5
 
 
