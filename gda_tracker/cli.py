@@ -187,6 +187,35 @@ COMMANDS = {
           gda-tracker fuse --example pcr5 | gda-tracker fuse -
         """,
     ),
+    "associate": Command(
+        "gda_tracker.commands.associate",
+        "which measurements of several sensors come from the same object, and how surely",
+        """
+        Reads measurements of two or more sensors as JSON and prints as JSON, all digits, the exact
+        probability of each association (Ferry 2010): Gaussian positions, biases of the sensors
+        integrated out, object types, features, false alarms, numbers of objects unknown.
+
+          sensors   a list; of each: measurements (position, covariance; type_call, feature),
+                    bias_covariance (null: diffuse; zeros: none), detection_probability (a number
+                    or {type: p}); may be left out: bias_mean, expected_false_alarms
+          prior     {"kind": "poisson", "mean": 3.5}, {"kind": "diffuse"} or
+                    {"kind": "log_diffuse"}: on the number of objects
+          prior_covariance   of the objects about their centre; left out: estimated
+          types     {"prior": {type: p}, "confusion": a matrix {type: {called: p}} per sensor}
+          feature_model      gaussian or von_mises, with noise, missing values, jumps by pi
+
+        The answer: associations, most probable first (objects: the index of each sensor's
+        measurement, from 0, or null), pairs (pair_probability), bias and relative_bias (what to
+        add to a sensor's positions), covered (share of the probability that was looked at: 1 where
+        all associations were enumerated), method. docs/cross-sensor-association.md has the whole
+        schema. Exit status 2 and one line, with the JSON path, if the problem is not well formed.
+
+        examples:
+          gda-tracker associate --example ferry_6_1 > problem.json
+          gda-tracker associate problem.json --top 5
+          gda-tracker associate --example | gda-tracker associate - --method gibbs
+        """,
+    ),
 }
 
 
