@@ -124,6 +124,31 @@ COMMANDS = {
           gda-tracker say buoy.yaml
         """,
     ),
+    "doctor": Command(
+        "gda_tracker.commands.doctor",
+        "what is wrong with a live system, why it matters, and the command that mends it",
+        """
+        Looks at the environment, then for some seconds at the ROS graph, and prints what keeps
+        tracks from coming:
+
+          environment  rclpy or messages missing or of another version, ROS domain, discovery
+                       range, Fast DDS profile, shared memory
+          nodes        missing, twice, not active, silent
+          topics       nobody publishes or reads them, two types, qualities of service that do not
+                       go together, found but not heard
+          time         stamps unset, standing, stepping back, in another epoch, simulated time
+                       without /clock
+          frames       unset, changing, not connected with the tracking frame
+          counters     everything that the nodes reject or drop, explained
+
+        Exit status 0 if nothing needs attention (notes do not count), 1 if something does.
+
+        examples:
+          gda-tracker doctor
+          gda-tracker doctor --input /radar/points --seconds 10
+          gda-tracker doctor --json
+        """,
+    ),
     "params": Command(
         "gda_tracker.commands.params",
         "the parameters of a running tracker: list, get, set, save",

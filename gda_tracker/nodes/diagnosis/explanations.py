@@ -1,0 +1,263 @@
+"""What the counters of the nodes mean and what to do about them.
+
+Every name that a node of the tracker counts stands here; a test compares it with the source.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gda_tracker.nodes.diagnosis.findings import ERROR, NOTE, WARNING
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What a counter means; ``level`` is that of a finding when it rises, empty if all is well."""
+
+    level: str
+    meaning: str
+    fix: str = ""
+
+
+def _of(level: str, meaning: str, fix: str = "") -> Explanation:
+    return Explanation(level, meaning, fix)
+
+
+_VERSIONS = "restart all nodes from one installation; gda-tracker doctor compares the messages"
+_RESTARTED = "nothing, if the track_manager was restarted; else look for a second one"
+_DRIVER = "mend the driver: msg_schemas/msg/DetectionArray.msg states every field"
+
+EXPLANATIONS: dict[str, Explanation] = {
+    # scans that were refused as a whole
+    "rejected_late": _of(
+        ERROR,
+        "scans are older than the newest one of that time axis",
+        "several sensors out of order: gda-tracker params set reorder_window_s=0.2 (as long as the "
+        "slowest is late); one sensor: its stamps step back, see the driver's clock",
+    ),
+    "rejected_queue_full": _of(
+        ERROR,
+        "scans come faster than they are worked off",
+        "gda-tracker params set mht_leaves_per_track=3, or decision=map; or fewer detections "
+        "(minimum_snr_db, moving_above_mps)",
+    ),
+    "rejected_missing_sensor_id": _of(ERROR, "scans without a sensor_id", _DRIVER),
+    "rejected_stamp_out_of_range": _of(ERROR, "scans with a negative stamp", _DRIVER),
+    "rejected_too_many_detections": _of(
+        ERROR,
+        "scans with more detections than max_detections_per_scan",
+        "gda-tracker params set max_detections_per_scan=20000, or leave out the weak ones "
+        "(minimum_snr_db) and what stands still (moving_above_mps)",
+    ),
+    "rejected_malformed": _of(ERROR, "messages that cannot be read", _DRIVER),
+    "rejected_malformed_array": _of(ERROR, "scans with an array that holds no numbers", _DRIVER),
+    "rejected_array_length_mismatch": _of(
+        ERROR, "scans whose arrays have different lengths", _DRIVER
+    ),
+    "rejected_bad_attribute_names": _of(
+        ERROR, "scans with attribute names that are empty or stand twice", _DRIVER
+    ),
+    "rejected_bad_sensor_pose": _of(
+        ERROR, "scans whose sensor pose is not finite or no unit quaternion", _DRIVER
+    ),
+    "rejected_initial_tracks_malformed": _of(ERROR, "initial tracks that cannot be used", _DRIVER),
+    "rejected_initial_tracks_not_finite": _of(ERROR, "initial tracks with NaN or inf", _DRIVER),
+    "rejected_initial_tracks_bad_covariance": _of(
+        ERROR, "initial tracks whose covariance is not positive definite", _DRIVER
+    ),
+    "malformed_initial_tracks": _of(ERROR, "initial tracks that cannot be read", _DRIVER),
+    # detections that were left out or mended
+    "not_finite": _of(WARNING, "detections with NaN or inf in position or range rate", _DRIVER),
+    "negative_range": _of(WARNING, "detections with a negative range", _DRIVER),
+    "zero_range": _of(
+        WARNING,
+        "detections with range 0, often padding",
+        "gda-tracker params set padding_zeros=true",
+    ),
+    "range_too_large": _of(WARNING, "detections beyond 1e9 m: is the range in m?", _DRIVER),
+    "time_offset_too_large": _of(WARNING, "detections more than 60 s from the stamp", _DRIVER),
+    "bad_noise": _of(
+        WARNING, "detections whose noise is no variance (negative, zero, infinite)", _DRIVER
+    ),
+    "azimuth_wrapped": _of(
+        NOTE,
+        "azimuths beyond +-pi, taken modulo 2 pi: degrees taken for radians?",
+        "gda-tracker params set angle_unit=deg, if the driver publishes degrees",
+    ),
+    "rcs_not_finite": _of(NOTE, "radar cross sections that are NaN or inf: count as unknown"),
+    "rcs_negative": _of(
+        WARNING,
+        "negative radar cross sections, which no m2 can be: dBsm taken for m2?",
+        "gda-tracker params set rcs_unit=dbsm, or convert in the driver: 10^(dBsm / 10)",
+    ),
+    "attribute_not_finite": _of(NOTE, "further attributes that are NaN or inf: count as unknown"),
+    "max_tracks_reached": _of(
+        WARNING,
+        "tracks that found no room: too much clutter starts tracks, or max_tracks is too small",
+        "gda-tracker params set confirmation_hits=4 confirmation_scans=5, or max_tracks=5000",
+    ),
+    # time
+    "reset_time_jump": _of(
+        WARNING,
+        "stamps went back by more than time_jump_s, so the tracks were reset (a bag loops?)",
+        "play the bag without --loop, or stop the second source of the same sensor",
+    ),
+    "reset_gap": _of(
+        WARNING,
+        "silence of more than max_gap_s, after which all tracks end",
+        "gda-tracker params set max_gap_s=300, if the sensor is that slow",
+    ),
+    "repeated": _of(NOTE, "scans that had been answered before and came again"),
+    "duplicate": _of(
+        WARNING,
+        "scans that waited already: somebody publishes each scan twice",
+        "ros2 topic info -v detections; stop one of the publishers",
+    ),
+    "sequence_gap": _of(
+        WARNING,
+        "scans that the driver numbered and that never came",
+        "gda-tracker params get detections_depth; start with detections_reliability: reliable if "
+        "the driver publishes reliably",
+    ),
+    "message_lost": _of(
+        WARNING,
+        "messages that the middleware lost in the queue of the subscription",
+        "start with a larger detections_depth, or make the ring faster (decision=map)",
+    ),
+    "dropped_at_initialisation": _of(NOTE, "scans of the run before the initial tracks"),
+    # the ring
+    "retry": _of(
+        ERROR,
+        "open scans that a stage did not answer and that were sent again",
+        "look at the nodes above; gda-tracker run --processes restarts a node that ends",
+    ),
+    "not_open": _of(NOTE, "answers to a scan that is closed already, after a retry or restart"),
+    "inconsistent_answer": _of(
+        ERROR, "answers of a stage that do not fit the open scan", _VERSIONS
+    ),
+    "older_epoch": _of(NOTE, "messages of a track_manager that was restarted", _RESTARTED),
+    "incomplete": _of(NOTE, "scans that a stage began and did not finish", _RESTARTED),
+    "overflow": _of(WARNING, "more scans at a time than a stage holds", _RESTARTED),
+    "failed": _of(
+        ERROR,
+        "scans on which a stage failed",
+        "read the node's log: the error stands there; gda-tracker params list --changed",
+    ),
+    "checkpoint_failed": _of(
+        WARNING,
+        "states that could not be written: a restart would begin with an older one",
+        "df -h, and the rights of the folder of checkpoint_path",
+    ),
+    "malformed_scans": _of(ERROR, "scans that a stage cannot read", _VERSIONS),
+    "malformed_predictions": _of(ERROR, "predictions that a stage cannot read", _VERSIONS),
+    "malformed_evidence": _of(ERROR, "evidence that a node cannot read", _VERSIONS),
+    "malformed_attribute_scores": _of(ERROR, "scores that a node cannot read", _VERSIONS),
+    "malformed_associations": _of(ERROR, "associations that cannot be read", _VERSIONS),
+    "tracked": _of("", "scans that were tracked"),
+    "degraded": _of(
+        WARNING,
+        "scans decided by kinematics alone, because attribute_fusion did not answer in time",
+        "gda-tracker params set attribute_timeout_s=0, or find out why attribute_fusion is slow",
+    ),
+    "gave_up": _of(
+        ERROR,
+        "scans given up, because the stages did not answer within scan_timeout_s",
+        "gda-tracker params set scan_timeout_s=0, or find out which stage is slow",
+    ),
+    # statements
+    "statement_admitted": _of("", "statements that were taken in"),
+    "statement_of_unknown_class": _of(
+        WARNING,
+        "statements that name a class that the tracker does not have",
+        "gda-tracker params get class_names, and use these names",
+    ),
+    "dropped_statement_too_old": _of(
+        NOTE, "statements that waited too long", "gda-tracker params set statement_max_age_s=120"
+    ),
+    "dropped_statement_too_far_ahead": _of(
+        NOTE, "statements of a time that lies too far ahead, after a jump of time"
+    ),
+    "dropped_statement_gone_track": _of(NOTE, "statements about a track that ended before"),
+    # radar_input
+    "received": _of("", "messages of the radar"),
+    "malformed_cloud": _of(
+        ERROR, "clouds whose fields and bytes do not fit", "gda-tracker inspect TOPIC"
+    ),
+    "fields_do_not_fit": _of(
+        ERROR,
+        "messages without the fields that the parameters name",
+        "gda-tracker inspect TOPIC --yaml my_radar.yaml",
+    ),
+    "bad_stamp": _of(
+        ERROR, "messages whose stamp is no time", "gda-tracker params set stamp_source=received"
+    ),
+    "stamp_unset": _of(
+        ERROR,
+        "messages with stamp 0: the driver leaves it empty",
+        "gda-tracker params set stamp_source=received",
+    ),
+    "stamp_repeated": _of(
+        WARNING,
+        "messages with the stamp of the one before",
+        "gda-tracker params set stamp_source=received, if the driver's clock stands",
+    ),
+    "stamp_stepped_back": _of(
+        WARNING, "messages with a stamp before that of the one before", "one driver per topic"
+    ),
+    "padding": _of("", "points at 0, 0, 0 that fill up the message"),
+    "too_close": _of("", "detections closer than minimum_range_m"),
+    "too_far": _of("", "detections beyond maximum_range_m"),
+    "too_weak": _of("", "detections below minimum_snr_db"),
+    "standing_still": _of("", "detections that stand still (moving_above_mps)"),
+    "small_cluster": _of("", "points of clusters of fewer than cluster_minimum_points"),
+    "sensor_motion_unknown": _of(
+        WARNING,
+        "scans in which the radar's own speed could not be estimated",
+        "gda-tracker params set sensor_motion=declared sensor_speed_mps=...",
+    ),
+    "rcs_unknown": _of(
+        NOTE,
+        "radar cross sections that cannot be one",
+        "gda-tracker inspect TOPIC says what they look like",
+    ),
+    "rcs_all_equal": _of(
+        WARNING,
+        "scans in which all radar cross sections are the same, so they tell nothing",
+        "gda-tracker params set rcs_unit=none",
+    ),
+    # source and evaluator
+    "resent": _of(NOTE, "scans that the source sent again, since no answer came"),
+    "statement_resent": _of(NOTE, "statements that the source sent again"),
+    "too_many_scans": _of(NOTE, "scans that the evaluator does not score any more"),
+    "malformed_tracks": _of(ERROR, "tracks that the evaluator cannot read", _VERSIONS),
+    "malformed_truth": _of(ERROR, "truth that the evaluator cannot read", _VERSIONS),
+}
+
+OUT_OF_RANGE = "_out_of_range"
+STATEMENT_REJECTED = "statement_rejected_"
+RECORDED = "recorded "
+
+
+def explanation(counter: str) -> Explanation | None:
+    """Return what a counter means, ``None`` for a name that no node of this version counts."""
+    if counter in EXPLANATIONS:
+        return EXPLANATIONS[counter]
+    if counter.startswith(STATEMENT_REJECTED):
+        from gda_tracker.tracking.statement_door import EXPLANATIONS as STATEMENTS
+
+        reason = counter.removeprefix(STATEMENT_REJECTED)
+        if reason not in STATEMENTS:
+            return None
+        return Explanation(
+            WARNING,
+            f"statements that were refused ({reason}): required is that {STATEMENTS[reason]}",
+            "gda-tracker say FILE.yaml --check",
+        )
+    if counter.endswith(OUT_OF_RANGE):
+        name = counter.removesuffix(OUT_OF_RANGE)
+        return Explanation(
+            NOTE,
+            f"values of {name} that count as unknown",
+            "compare rcs_min_m2 and rcs_max_m2, or attribute_minimum and attribute_maximum",
+        )
+    return Explanation("", "messages in the bag") if counter.startswith(RECORDED) else None
