@@ -61,6 +61,10 @@ test: lint test-core test-nodes test-oldest ## run everything: lint, core, nodes
 setup-test: ## the environment with the test tools
 	@$(call locked,environment-test)
 
+.PHONY: messages
+messages: ## build tf2_msgs, radar_msgs, vision_msgs, autoware_perception_msgs into .venv too
+	@$(call locked,environment-messages)
+
 .PHONY: lint
 lint: setup-test ## check style, format, types and import layers
 	$(BIN)/ruff check
@@ -124,10 +128,12 @@ locked = mkdir -p build; \
 		$(MAKE) --no-print-directory $(1); \
 	fi
 
-.PHONY: environment environment-test environment-benchmark environment-oldest
+.PHONY: environment environment-test environment-benchmark environment-oldest environment-messages
 environment: $(STAMPS)/package
 	@:
-environment-test: environment $(STAMPS)/test
+environment-test: environment $(STAMPS)/foreign $(STAMPS)/test
+	@:
+environment-messages: environment $(STAMPS)/foreign
 	@:
 environment-benchmark: environment $(STAMPS)/benchmark
 	@:
@@ -186,6 +192,27 @@ $(eval $(call list_rule,messages,$(message_sources)))
 
 generator := $(if $(shell command -v ninja),Ninja,Unix Makefiles)
 
+# Builds the message package in folder $(1) into the environment, under the name $(2).
+build_messages = PATH="$(CURDIR)/$(BIN):$$PATH" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" \
+	sh -eu -c '\
+		cmake -S $(1) -B $(SCRATCH)/$(2) -G "$(generator)" \
+			-DCMAKE_BUILD_TYPE=Release \
+			-DCMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
+			-DCMAKE_INSTALL_PREFIX="$(CURDIR)/$(VENV)" \
+			-DCMAKE_INSTALL_RPATH="\$$ORIGIN;\$$ORIGIN/../../.." \
+			-DCMAKE_PROJECT_INCLUDE="$(CURDIR)/cmake/drop_missing_include_directories.cmake" \
+			-DPython3_EXECUTABLE="$(CURDIR)/$(BIN)/python" \
+			-DBUILD_TESTING=OFF && \
+		cmake --build $(SCRATCH)/$(2) --parallel $(JOBS) && \
+		if [ -f $(STAMPS)/$(2).manifest ]; then \
+			xargs -d "\n" rm -f < $(STAMPS)/$(2).manifest; \
+		fi && \
+		cmake --install $(SCRATCH)/$(2) && \
+		cp $(SCRATCH)/$(2)/install_manifest.txt $(STAMPS)/$(2).manifest' \
+		> $(SCRATCH)/$(2).log 2>&1 || \
+		{ tail -n 30 $(SCRATCH)/$(2).log; \
+		  echo '[setup] the messages do not build; the whole log: $(SCRATCH)/$(2).log'; exit 1; }
+
 # The environment is the ament prefix. Files of the previous build are removed from it first, and
 # with another list of messages the build starts afresh: whole folders of generated files are
 # installed, and a message that was renamed or removed would stay in them.
@@ -196,26 +223,19 @@ $(STAMPS)/messages: $(STAMPS)/wheels $(STAMPS)/messages.list $(message_sources) 
 	@for cause in messages.list wheels; do \
 		if [ $(STAMPS)/$$cause -nt $@ ]; then rm -rf $(SCRATCH)/messages; fi; \
 	done
-	@PATH="$(CURDIR)/$(BIN):$$PATH" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" \
-	sh -eu -c '\
-		cmake -S msg_schemas -B $(SCRATCH)/messages -G "$(generator)" \
-			-DCMAKE_BUILD_TYPE=Release \
-			-DCMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
-			-DCMAKE_INSTALL_PREFIX="$(CURDIR)/$(VENV)" \
-			-DCMAKE_INSTALL_RPATH="\$$ORIGIN;\$$ORIGIN/../../.." \
-			-DCMAKE_PROJECT_INCLUDE="$(CURDIR)/cmake/drop_missing_include_directories.cmake" \
-			-DPython3_EXECUTABLE="$(CURDIR)/$(BIN)/python" \
-			-DBUILD_TESTING=OFF && \
-		cmake --build $(SCRATCH)/messages --parallel $(JOBS) && \
-		if [ -f $(STAMPS)/messages.manifest ]; then \
-			xargs -d "\n" rm -f < $(STAMPS)/messages.manifest; \
-		fi && \
-		cmake --install $(SCRATCH)/messages && \
-		cp $(SCRATCH)/messages/install_manifest.txt $(STAMPS)/messages.manifest' \
-		> $(SCRATCH)/messages.log 2>&1 || \
-		{ tail -n 30 $(SCRATCH)/messages.log; \
-		  echo '[setup] the messages do not build; the whole log: $(SCRATCH)/messages.log'; exit 1; }
+	@$(call build_messages,msg_schemas,messages)
 	@cd / && "$(CURDIR)/$(BIN)/python" -c 'import gda_tracker_msgs.msg'
+	@touch $@
+
+# Messages of others, where no ROS installation brings their packages.
+$(STAMPS)/foreign: $(STAMPS)/wheels scripts/write_message_packages.py \
+		gda_tracker/io/foreign_types.py $(wildcard cmake/*.cmake)
+	$(say) 'building the messages of other packages (some minutes)'
+	@mkdir -p $(SCRATCH)
+	@for name in $$($(BIN)/python scripts/write_message_packages.py $(SCRATCH)/foreign); do \
+		export name; \
+		$(call build_messages,$(SCRATCH)/foreign/$$name,foreign_$$name); \
+	done
 	@touch $@
 
 package_sources := $(sort $(shell find gda_tracker params launch data resource msg_schemas/msg \

@@ -6,12 +6,13 @@ a bag can be read and checked on a machine without ROS.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from gda_tracker.io.foreign_types import RADAR_MESSAGES, definition
+from gda_tracker.io.foreign_types import FOREIGN_MESSAGES, definition, package_of
 from gda_tracker.resources import resource
 
 PACKAGE = "gda_tracker_msgs"
@@ -30,10 +31,11 @@ def require_rosbags() -> None:
         raise MissingLibraryError(f"bags need the rosbags library: {_INSTALL}") from error
 
 
-def new_type_store(radar_messages: bool = True) -> Any:
+def new_type_store(without: Collection[str] = ()) -> Any:
     """Return a rosbags type store with the types of ROS 2 Jazzy and our own.
 
-    Those of the package ``radar_msgs`` are in it too, unless a bag brings others of that name.
+    Those of :data:`~gda_tracker.io.foreign_types.FOREIGN_MESSAGES` are in it too, but for the
+    packages ``without``, of which a bag brings others.
 
     Raises
     ------
@@ -48,8 +50,8 @@ def new_type_store(radar_messages: bool = True) -> Any:
     for path in sorted(resource("msg_schemas", "msg").glob("*.msg")):
         text = path.read_text(encoding="utf-8")
         types.update(get_types_from_msg(text, f"{PACKAGE}/msg/{path.stem}"))
-    if radar_messages:
-        for kind in RADAR_MESSAGES:
+    for kind in FOREIGN_MESSAGES:
+        if package_of(kind) not in without:
             types.update(get_types_from_msg(definition(kind), kind))
     store.register(types)
     return store

@@ -23,7 +23,7 @@ from gda_tracker.io.bag_salvage import SalvagedRow, salvage
 from gda_tracker.io.bag_types import MissingLibraryError
 from gda_tracker.io.bag_upgrade import Upgrade, upgrade_from
 from gda_tracker.io.bag_writer import BagError, BagTopic, BagWriter
-from gda_tracker.io.foreign_types import RADAR_MESSAGES
+from gda_tracker.io.foreign_types import FOREIGN_MESSAGES, package_of
 
 __all__ = [
     "Bag",
@@ -208,9 +208,9 @@ class Bag:
             count += self.topics[name].message_count
         elif kind.startswith(f"{bag_types.PACKAGE}/"):
             self._require_same_definition(name, kind, digest, definition)
-        elif definition and kind in RADAR_MESSAGES and self._differs(kind, digest, definition):
-            # Earlier versions of radar_msgs: each bag brings its own definition.
-            self._store = bag_types.new_type_store(radar_messages=False)
+        elif definition and kind in FOREIGN_MESSAGES and self._differs(kind, digest, definition):
+            # Other versions of the package: each bag brings its own definition.
+            self._store = bag_types.new_type_store(without=[package_of(kind)])
             self._learn(kind, definition)
         elif kind not in self._store.fielddefs and definition:
             self._learn(kind, definition)

@@ -8,6 +8,7 @@ nothing that comes ends the node.
 from __future__ import annotations
 
 import traceback
+from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,22 +19,42 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from gda_tracker.errors import UserError
 from gda_tracker.io.messages import MessageError, detections_to_message
 from gda_tracker.io.radar.conversion import RadarScan
+from gda_tracker.io.radar.frames import RadarFrame, detections_of_frame
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
-from gda_tracker.io.radar.messages import RadarMessageError, detections_of_message
+from gda_tracker.io.radar.messages import RadarMessageError, frame_of_message
 from gda_tracker.io.radar.point_cloud import PointCloudError
+from gda_tracker.io.radar.sensor_pose import SensorPose, TiltError, sensor_pose
+from gda_tracker.kinematics.transform_buffer import (
+    MAY_STILL_COME,
+    TransformBuffer,
+    TransformError,
+)
 from gda_tracker.nodes.base import STAGE_ERRORS, RingNode, spin_node
 from gda_tracker.nodes.qualities import sensor, stream
+from gda_tracker.nodes.services import offer
 from gda_tracker.nodes.topic_listener import radar_message_class, type_of_topic
+from gda_tracker.nodes.transform_listener import TransformListener, transform_message
 from gda_tracker.parameters import ParameterError
 
 LOOK_PERIOD_S = 0.2
 INPUT_DEPTH = 20
 # Silence after which diagnostics say so.
 STALE_AFTER_S = 3.0
+# How often a frame that waits for its transforms is looked at, and how many may wait.
+PATIENCE_S = 0.1
+MOST_WAITING = 100
+
+
+class ClockError(UserError):
+    """There is no time to stamp a message with."""
+
+
 # Reasons to drop a message, by what was raised; the first that fits.
 REASONS: tuple[tuple[type[Exception], str], ...] = (
     (PointCloudError, "malformed_cloud"),
     (ParameterError, "fields_do_not_fit"),
+    (TiltError, "tilted_too_far"),
+    (ClockError, "no_clock"),
     (RadarMessageError, "bad_stamp"),
     (MessageError, "bad_stamp"),
 )
@@ -44,6 +65,7 @@ class RadarInputNode(RingNode):
 
     def __init__(self, parameters: Mapping[str, Any] | None = None, **options: Any) -> None:
         super().__init__("radar_input", RadarInputParameters, parameters, **options)
+        self.check_parameters(self.parameters)
         self._kind = ""
         self._problem = ""
         self._sequence = 0
@@ -52,15 +74,38 @@ class RadarInputNode(RingNode):
         self._last: RadarScan | None = None
         self._detections: Any = None
         self._looking: Any = None
+        self._listener: TransformListener | None = None
+        self._tf_problem = ""
+        # Frames whose transforms have not come yet, and when they came.
+        self._waiting: deque[tuple[RadarFrame, float]] = deque()
+        self._patience = self.create_timer(PATIENCE_S, self._work_off, clock=self._steady)
+        self._patience.cancel()
+        offer(self, "reset", self._reset)
 
     def open_topics(self) -> None:
         """Open the output, and the input as soon as somebody publishes it."""
         self._kind = ""
         self._detections = self.advertise(msg.DetectionArray, "detections", stream())
+        self._listen_to_transforms()
         if self._looking is None:
             self._looking = self.create_timer(LOOK_PERIOD_S, self._look, clock=self._steady)
         self._looking.reset()
         self._look()
+
+    def _listen_to_transforms(self) -> None:
+        if self._listener is None and self.parameters.uses_transforms:
+            self._listener = TransformListener(self, self._work_off)
+
+    def check_parameters(self, parameters: RadarInputParameters) -> None:
+        """Refuse to take poses or speeds from transforms that cannot be had."""
+        if parameters.uses_transforms:
+            transform_message()
+
+    def use_parameters(self, parameters: RadarInputParameters) -> None:
+        """Take checked parameters; acts at the next scan."""
+        super().use_parameters(parameters)
+        if self._detections is not None:
+            self._listen_to_transforms()
 
     def _look(self) -> None:
         """Subscribe once the type is known."""
@@ -83,31 +128,83 @@ class RadarInputNode(RingNode):
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
         """Remove the topics, and look for none."""
         self._looking.cancel()
+        self._patience.cancel()
+        self._waiting.clear()
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
         return super().on_cleanup(state)
 
     def _on_message(self, message: Any) -> None:
         self._heard_at = self.seconds()
         self.counters["received"] += 1
+        own = self.parameters.stamp_source == "header"
         try:
-            scan = detections_of_message(
-                message,
-                self._kind,
-                self.parameters,
-                self._sequence + 1,
-                self.get_clock().now().nanoseconds,
-            )
-            output = detections_to_message(scan.detections)
-        except STAGE_ERRORS as error:
-            reason = next((why for kind, why in REASONS if isinstance(error, kind)), "failed")
-            self.drop(reason, f"{type(error).__name__}: {error}")
-            self.get_logger().debug(traceback.format_exc())
+            received_ns = None if own else self._now_ns()
+            frame = frame_of_message(message, self._kind, received_ns)
+        except (*STAGE_ERRORS, UserError) as error:
+            self._refuse(error)
             return
-        if not self._new_stamp(scan.detections.stamp_ns):
+        if not self._new_stamp(frame.stamp_ns):
+            return
+        if len(self._waiting) >= MOST_WAITING:
+            self._waiting.popleft()
+            self.drop("tf_queue_full")
+        self._waiting.append((frame, self._heard_at))
+        self._work_off()
+
+    def _now_ns(self) -> int:
+        """Time by the node's clock."""
+        now_ns = int(self.get_clock().now().nanoseconds)
+        if now_ns == 0:
+            raise ClockError("use_sim_time is true, and nothing has come on /clock yet")
+        return now_ns
+
+    def _refuse(self, error: Exception) -> None:
+        reason = next((why for kind, why in REASONS if isinstance(error, kind)), "failed")
+        self.drop(reason, f"{type(error).__name__}: {error}")
+        self.get_logger().debug(traceback.format_exc())
+
+    def _work_off(self) -> None:
+        """Publish what waits, in order; a frame waits for its transforms at most so long."""
+        if not self.active:
+            return
+        while self._waiting:
+            frame, since = self._waiting[0]
+            try:
+                pose = sensor_pose(
+                    self.parameters, self._transforms, frame.frame_id, frame.stamp_ns
+                )
+            except TransformError as error:
+                waited = self.seconds() - since
+                if error.reason in MAY_STILL_COME and waited < self.parameters.tf_timeout_s:
+                    if self._patience.is_canceled():
+                        self._patience.reset()
+                    return
+                self._waiting.popleft()
+                self._tf_problem = str(error)
+                self.drop(f"tf_{error.reason}", self._tf_problem)
+                continue
+            self._waiting.popleft()
+            self._tf_problem = ""
+            self._convert(frame, pose)
+        self._patience.cancel()
+
+    def _convert(self, frame: RadarFrame, pose: SensorPose) -> None:
+        try:
+            scan = detections_of_frame(frame, self.parameters, self._sequence + 1, pose=pose)
+            output = detections_to_message(scan.detections)
+        except (*STAGE_ERRORS, UserError) as error:
+            self._refuse(error)
             return
         self._sequence += 1
         self._last = scan
         self.counters.update(scan.counts)
         self._detections.publish(output)
+
+    @property
+    def _transforms(self) -> TransformBuffer | None:
+        return None if self._listener is None else self._listener.buffer
 
     def _new_stamp(self, stamp_ns: int) -> bool:
         """Whether a scan of this time may go on; steps back are counted, the tracker decides."""
@@ -122,6 +219,18 @@ class RadarInputNode(RingNode):
             self.counters["stamp_stepped_back"] += 1
         return True
 
+    def _reset(self) -> str:
+        """Forget frames that wait, the last stamp and the histories of transforms."""
+        waiting = len(self._waiting)
+        self._waiting.clear()
+        self._patience.cancel()
+        self._last_stamp_ns, self._tf_problem = None, ""
+        if self._listener is not None:
+            self._listener.buffer.clear()
+        if waiting:
+            self.counters["rejected_reset"] += waiting
+        return f"{waiting} waiting frames dropped"
+
     def health(self) -> tuple[int, str]:
         """Say what is missing: a publisher, messages, radar cross sections."""
         p = self.parameters
@@ -131,6 +240,8 @@ class RadarInputNode(RingNode):
             return DiagnosticStatus.WARN, f"nobody publishes {p.input_topic}"
         if self._heard_at is None or self.seconds() - self._heard_at > STALE_AFTER_S:
             return DiagnosticStatus.WARN, f"no message on {p.input_topic}"
+        if self._tf_problem:
+            return DiagnosticStatus.ERROR, self._tf_problem
         if self._last is None:
             return DiagnosticStatus.ERROR, f"no message on {p.input_topic} could be used"
         rcs = self._rcs_problem(self._last)

@@ -1,4 +1,4 @@
-"""Services of the nodes over DDS: reset, save_state, load_state; refused with a reason or done."""
+"""Services of the nodes over DDS: reset, save_state, load_state, done or refused with a reason."""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -11,6 +13,8 @@ from gda_tracker.io.adapters.radar_frames import MAX_NAMED, recording_of_frames
 from gda_tracker.io.bags import Bag, BagError, read_bag
 from gda_tracker.io.radar.frames import RadarFrame
 from gda_tracker.io.radar.messages import RADAR_TYPES, frame_of_message
+from gda_tracker.io.transform_messages import TF_STATIC_TOPIC, TF_TOPIC, take_transforms
+from gda_tracker.kinematics.transform_buffer import TransformBuffer
 from gda_tracker.vocabulary.recordings import Recording
 
 Report = Callable[[str], None]
@@ -75,6 +79,32 @@ def bag_frames(
         report(f"{left_out - MAX_NAMED} more messages on {topic} are left out")
 
 
+def bag_transforms(bag: Bag, report: Report) -> TransformBuffer:
+    """Return all transforms of a bag, whatever their time.
+
+    Raises
+    ------
+    RecordingError
+        If the bag cannot be read.
+    """
+    # Everything is there before the first scan, so nothing need be forgotten.
+    buffer = TransformBuffer(keep_s=math.inf)
+    counts: Counter[str] = Counter()
+    topics = [name for name in (TF_TOPIC, TF_STATIC_TOPIC) if name in bag.topics]
+    try:
+        for record in read_bag(bag.path, topics, report=report) if topics else ():
+            take_transforms(buffer, record.message(), record.topic == TF_STATIC_TOPIC, counts)
+    except BagError as error:
+        raise RecordingError(str(error)) from error
+    for reason, text in (
+        ("tf_refused", "transforms were refused: names, stamp or rotation are none"),
+        ("tf_jumped_back", "times the clock stepped back on /tf; what came before is forgotten"),
+    ):
+        if counts[reason]:
+            report(f"{counts[reason]} {text}")
+    return buffer
+
+
 def load_radar_bag(bag: Bag, options: InputOptions) -> Recording:
     """Make a recording of a radar's topic.
 
@@ -89,7 +119,14 @@ def load_radar_bag(bag: Bag, options: InputOptions) -> Recording:
     frames = bag_frames(bag.path, topic, warnings.append, received)
     preset = options.preset or bag.notes.get("preset")
     name = bag.notes.get("name", bag.path.stem)
-    recording = recording_of_frames(bag.path, name, frames, options, preset)
+    recording = recording_of_frames(
+        bag.path,
+        name,
+        frames,
+        options,
+        preset,
+        transforms=lambda: bag_transforms(bag, warnings.append),
+    )
     recording.warnings[:0] = warnings
     recording.origin = bag.notes.get("origin", "")
     recording.notes.insert(0, f"topic {topic} ({bag.topics[topic].type})")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from gda_tracker.io.parameter_files import RADAR_INPUT, read_preset
 from gda_tracker.io.radar.frames import RadarFrame, detections_of_frame, sensor_velocity
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
 from gda_tracker.io.radar.presets import OF_FILES, best_preset, presets_of
+from gda_tracker.kinematics.transform_buffer import TransformBuffer
 from gda_tracker.parameters import from_mapping
 from gda_tracker.vocabulary.recordings import Recording
 
@@ -34,6 +35,7 @@ def recording_of_frames(
     options: InputOptions,
     default_preset: str | None = None,
     fixed: Mapping[str, Any] | None = None,
+    transforms: Callable[[], TransformBuffer] | None = None,
 ) -> Recording:
     """Make a recording of what a radar published.
 
@@ -51,6 +53,8 @@ def recording_of_frames(
         Preset of this kind of recording.
     fixed
         Parameters of the radar input that this kind of recording leaves no choice about.
+    transforms
+        Reads the transforms of the recording, if it has any.
 
     Raises
     ------
@@ -74,7 +78,15 @@ def recording_of_frames(
         preset_name=f"{chosen}{guessed}",
         preset_is_base=True,
     )
-    share = _convert(path, frames, parameters, recording)
+    known = None
+    if parameters.uses_transforms:
+        if transforms is None:
+            raise RecordingError(
+                f"{path}: no transforms in such a file: parameters pose_source and sensor_motion = "
+                "'tf' are for bags and live topics"
+            )
+        known = transforms()
+    share = _convert(path, frames, parameters, recording, known)
     if share is not None and share < MOSTLY_STILL:
         _warn_of_motion(first, parameters, recording)
     return recording
@@ -108,6 +120,7 @@ def _convert(
     frames: Iterable[RadarFrame],
     parameters: RadarInputParameters,
     recording: Recording,
+    transforms: TransformBuffer | None,
 ) -> float | None:
     """Add the scans; return the share of the points that stand still, if that is known."""
     counts: Counter[str] = Counter()
@@ -118,7 +131,7 @@ def _convert(
             repeated += 1
             continue
         try:
-            scan = detections_of_frame(frame, parameters, len(recording.detections) + 1)
+            scan = detections_of_frame(frame, parameters, len(recording.detections) + 1, transforms)
         except UserError as error:
             left_out.append(f"frame {number} is left out: {error}")
             continue

@@ -11,6 +11,7 @@ import numpy as np
 from gda_tracker.io.radar.clustering import cluster
 from gda_tracker.io.radar.ego_motion import estimate_sensor_velocity, static_range_rate
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
+from gda_tracker.io.radar.sensor_pose import SensorPose, declared_pose, require_elevation
 from gda_tracker.parameters import ParameterError
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 from gda_tracker.vocabulary.scans import Detections
@@ -39,6 +40,7 @@ def detections_of_fields(
     stamp_ns: int,
     frame_id: str = "",
     sequence: int = 0,
+    pose: SensorPose | None = None,
 ) -> RadarScan:
     """Make detections of the fields of N points.
 
@@ -51,20 +53,25 @@ def detections_of_fields(
         What they mean.
     stamp_ns, frame_id, sequence
         Of the message.
+    pose
+        Where the radar is and how it moves; ``None``: as the parameters declare.
 
     Raises
     ------
     ParameterError
         If there is no position among the fields.
+    TiltError
+        If the radar measures no elevation and is tilted too far.
     """
     p = parameters
+    pose = pose or declared_pose(p)
     counts: Counter[str] = Counter()
     range_m, azimuth, elevation = _position(fields, p)
     n = len(range_m)
     range_rate = over_ground = still = None
     if "range_rate" in fields and p.range_rate_used:
         range_rate = p.range_rate_sign * fields["range_rate"]
-        standing = _static_range_rate(range_rate, azimuth, elevation, p, counts)
+        standing = _static_range_rate(range_rate, azimuth, elevation, p, pose, counts)
         over_ground = range_rate - standing
         still = np.abs(over_ground) <= p.moving_above_mps
         range_rate = over_ground if p.range_rate_reference == "ground" else range_rate
@@ -78,6 +85,7 @@ def detections_of_fields(
     }
     if not p.elevation_used:
         elevation = deviation["elevation_std"] = None
+    require_elevation(pose, elevation, p.maximum_tilt_deg)
     attributes = p.attributes
     detections = Detections(
         sensor_id=p.sensor_id,
@@ -92,6 +100,8 @@ def detections_of_fields(
         azimuth_std_rad=deviation["azimuth_std"],
         elevation_std_rad=deviation["elevation_std"],
         range_rate_std_mps=None if range_rate is None else deviation["range_rate_std"],
+        sensor_position_m=pose.transform.translation,
+        sensor_orientation_xyzw=pose.transform.rotation,
         frame_id=frame_id,
         sequence=sequence,
         attribute_names=tuple(attributes),
@@ -156,9 +166,12 @@ def _static_range_rate(
     azimuth: FloatArray,
     elevation: FloatArray | None,
     p: RadarInputParameters,
+    pose: SensorPose,
     counts: Counter[str],
 ) -> FloatArray:
     """Range rate (n,) of points at rest, by the radar's own speed."""
+    if pose.velocity_mps is not None:
+        return static_range_rate(azimuth, elevation, *pose.velocity_mps.tolist())
     ahead, left = p.sensor_speed_mps, p.sensor_speed_left_mps
     if p.sensor_motion == "estimated":
         found = estimate_sensor_velocity(azimuth, elevation, range_rate)

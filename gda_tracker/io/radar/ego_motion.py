@@ -36,10 +36,16 @@ def static_range_rate(
     elevation_rad: FloatArray | None,
     ahead_mps: float,
     left_mps: float,
+    up_mps: float = 0.0,
 ) -> FloatArray:
-    """Return the range rate (n,) of points at rest for a radar that moves."""
+    """Return the range rate (n,) of points at rest for a radar that moves.
+
+    The speeds are along the radar's own x, y and z axes.
+    """
     rate = -(ahead_mps * np.cos(azimuth_rad) + left_mps * np.sin(azimuth_rad))
-    return rate if elevation_rad is None else rate * np.cos(elevation_rad)
+    if elevation_rad is None:
+        return rate
+    return rate * np.cos(elevation_rad) - up_mps * np.sin(elevation_rad)
 
 
 def estimate_sensor_velocity(

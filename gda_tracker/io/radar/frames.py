@@ -10,6 +10,8 @@ from gda_tracker.io.radar.conversion import RadarScan, detections_of_fields
 from gda_tracker.io.radar.ego_motion import SensorVelocity, estimate_sensor_velocity
 from gda_tracker.io.radar.file_kinds import DETECTIONS
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
+from gda_tracker.io.radar.sensor_pose import SensorPose, sensor_pose
+from gda_tracker.kinematics.transform_buffer import TransformBuffer
 from gda_tracker.parameters import ParameterError
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.scans import Detections
@@ -78,18 +80,27 @@ def quantities_of_frame(frame: RadarFrame, parameters: RadarInputParameters) -> 
 
 
 def detections_of_frame(
-    frame: RadarFrame, parameters: RadarInputParameters, sequence: int = 0
+    frame: RadarFrame,
+    parameters: RadarInputParameters,
+    sequence: int = 0,
+    transforms: TransformBuffer | None = None,
+    pose: SensorPose | None = None,
 ) -> RadarScan:
     """Make detections of a frame, as ``detections_of_fields`` does of fields.
+
+    ``transforms`` are needed if the parameters take pose or speed of the radar from them, unless
+    the ``pose`` is known already.
 
     Raises
     ------
     UserError
-        If there is no position among the fields, a field that the parameters name is not there, or
-        the frame contradicts itself.
+        If there is no position among the fields, a field that the parameters name is not there,
+        the frame contradicts itself, or the radar's pose is not known.
     """
+    if pose is None:
+        pose = sensor_pose(parameters, transforms, frame.frame_id, frame.stamp_ns)
     fields = quantities_of_frame(frame, parameters)
-    return detections_of_fields(fields, parameters, frame.stamp_ns, frame.frame_id, sequence)
+    return detections_of_fields(fields, parameters, frame.stamp_ns, frame.frame_id, sequence, pose)
 
 
 def sensor_velocity(
@@ -101,6 +112,7 @@ def sensor_velocity(
     """
     every = replace(
         parameters,
+        pose_source="declared",
         sensor_speed_mps=0.0,
         sensor_speed_left_mps=0.0,
         sensor_motion="declared",

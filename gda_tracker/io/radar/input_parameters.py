@@ -11,7 +11,8 @@ from gda_tracker.parameters import ParameterError, parameter
 ANGLE_UNITS = ("rad", "deg")
 RCS_UNITS = ("none", "dbsm", "m2")
 RANGE_RATE_REFERENCES = ("sensor", "ground")
-SENSOR_MOTIONS = ("declared", "estimated")
+SENSOR_MOTIONS = ("declared", "estimated", "tf")
+POSE_SOURCES = ("declared", "tf")
 # Types of messages that are read.
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 RADAR_SCAN = "radar_msgs/msg/RadarScan"
@@ -132,9 +133,73 @@ class RadarInputParameters:
     )
     sensor_motion: str = parameter(
         "declared",
-        "where the radar's own speed comes from: declared (the two parameters above) or estimated "
-        "(from each scan: the speed at which most of its points stand still)",
+        "where the radar's own speed comes from: declared (the two parameters above), estimated "
+        "(from each scan: the speed at which most of its points stand still) or tf (from its poses "
+        "on /tf)",
         choices=SENSOR_MOTIONS,
+    )
+    pose_source: str = parameter(
+        "declared",
+        "where the radar's pose in the tracking frame comes from: declared (the next two "
+        "parameters) or tf (/tf and /tf_static at the time of each scan)",
+        choices=POSE_SOURCES,
+        live=False,
+    )
+    sensor_position_m: list[float] = parameter(
+        [0.0, 0.0, 0.0],
+        "x, y, z of the radar in the tracking frame",
+        unit="m",
+        minimum=-1e9,
+        maximum=1e9,
+    )
+    sensor_roll_pitch_yaw_deg: list[float] = parameter(
+        [0.0, 0.0, 0.0],
+        "turn of the radar's axes in the tracking frame, about its x, then y, then z axis; yaw is "
+        "counter-clockwise, a positive pitch looks down",
+        unit="deg",
+        minimum=-360.0,
+        maximum=360.0,
+    )
+    tracking_frame: str = parameter(
+        "map", "with pose_source tf: frame of the tracks, the same as in track_manager", live=False
+    )
+    sensor_frame: str = parameter(
+        "",
+        "with tf: frame of the radar; empty: the one that its messages name",
+        live=False,
+        advanced=True,
+    )
+    motion_frame: str = parameter(
+        "",
+        "with sensor_motion tf: frame in which the ground stands still, e.g. odom; empty: the "
+        "tracking frame",
+        live=False,
+        advanced=True,
+    )
+    motion_interval_s: float = parameter(
+        0.1,
+        "with sensor_motion tf: the radar's own speed is the mean over so long before the scan",
+        unit="s",
+        minimum=0.001,
+        maximum=10.0,
+        advanced=True,
+    )
+    tf_timeout_s: float = parameter(
+        0.5,
+        "with tf: a scan waits for its transform no longer than this on the clock on the wall",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+        advanced=True,
+    )
+    maximum_tilt_deg: float = parameter(
+        30.0,
+        "a radar that measures no elevation and is tilted by more than this is refused: where its "
+        "detections lie over the plane cannot be told",
+        unit="deg",
+        minimum=0.0,
+        maximum=90.0,
+        advanced=True,
     )
     range_rate_reference: str = parameter(
         "sensor",
@@ -222,6 +287,17 @@ class RadarInputParameters:
                 raise ParameterError(
                     f"parameter {name} = {getattr(self, name)}: allowed is 1 or -1"
                 )
+        for name in ("sensor_position_m", "sensor_roll_pitch_yaw_deg"):
+            if len(getattr(self, name)) != 3:
+                raise ParameterError(
+                    f"parameter {name} = {getattr(self, name)}: allowed are 3 numbers"
+                )
+        if self.pose_source == "tf" and not self.tracking_frame:
+            raise ParameterError("parameter tracking_frame is empty: pose_source tf needs a frame")
+        if self.sensor_motion == "tf" and self.pose_source != "tf" and not self.motion_frame:
+            raise ParameterError(
+                "parameter sensor_motion = 'tf': allowed with pose_source tf, or with motion_frame"
+            )
         if not self.minimum_range_m < self.maximum_range_m:
             raise ParameterError(
                 f"parameter maximum_range_m = {self.maximum_range_m}: allowed is a number > "
@@ -253,6 +329,11 @@ class RadarInputParameters:
             raise ParameterError(
                 f"parameter attribute_fields = {self.attribute_fields}: allowed are name=field"
             )
+
+    @property
+    def uses_transforms(self) -> bool:
+        """Whether poses or speeds come from ``/tf``."""
+        return self.pose_source == "tf" or self.sensor_motion == "tf"
 
     @property
     def type_overrides(self) -> dict[str, str]:

@@ -126,7 +126,7 @@ def test_the_definitions_make_the_hash_of_the_package():
     """Comments and constants, which the package's own files have, take no part in it."""
     from rosbags.typesys import get_types_from_msg
 
-    store = new_type_store(radar_messages=False)
+    store = new_type_store(without=["radar_msgs"])
     assert RADAR_SCAN not in store.fielddefs
     text = "float32 range # m\nfloat32 azimuth\nfloat32 elevation\nfloat32 doppler_velocity\n"
     types = get_types_from_msg(text + "float32 amplitude\n", "radar_msgs/msg/RadarReturn")
@@ -142,7 +142,7 @@ def test_a_bag_with_an_earlier_definition_is_read_by_its_own(tmp_path):
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import get_types_from_msg
 
-    store = new_type_store(radar_messages=False)
+    store = new_type_store(without=["radar_msgs"])
     text = (
         "uint16 track_id\ngeometry_msgs/Point position\ngeometry_msgs/Vector3 velocity\n"
         "geometry_msgs/Vector3 acceleration\ngeometry_msgs/Vector3 size\nstring classification\n"
