@@ -1,12 +1,13 @@
 """Messages of bags that were recorded with an earlier definition of our types.
 
 An earlier definition lacks fields: what it has is here too, under the same name and with the same
-type, and every field that is new is an array or a text. Its messages are brought to the present
-definition with the new fields empty, which stands for "not measured".
+type, and every field that is new is an array, a text or a float. Its messages are brought to the
+present definition with the new fields empty, floats NaN, which stands for "not measured".
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from gda_tracker.io import bag_types
 
 Upgrade = Callable[[bytes], bytes]
+_NOT_MEASURED: dict[str, Any] = {"string": "", "float64": math.nan}
 
 
 @lru_cache(maxsize=64)
@@ -56,7 +58,7 @@ def _is_earlier(kind: str, earlier: Any, present: Any) -> bool:
             return False
     added = [new[name] for name in new if name not in old]
     return all(
-        node == Nodetype.SEQUENCE or (node == Nodetype.BASE and detail[0] == "string")
+        node == Nodetype.SEQUENCE or (node == Nodetype.BASE and detail[0] in _NOT_MEASURED)
         for node, detail in added
     )
 
@@ -91,7 +93,7 @@ def _empty(description: Any) -> Any:
 
     node, detail = description
     if node == Nodetype.BASE:
-        return ""
+        return _NOT_MEASURED[detail[0]]
     element, element_type = detail[0]
     if element == Nodetype.NAME or element_type[0] == "string":
         return []

@@ -50,6 +50,7 @@ def _record(state: int, classes: int, focal: int) -> np.dtype[Any]:
     put_sequence("class_probability", classes)
     put_sequence("masses", focal)
     put("conflict", "<f8")
+    put("existence_probability", "<f8")
     for name in ("hits", "misses", "coasted_scans"):
         put(name, "<u4")
     put("detection_index", "<i4")
@@ -149,6 +150,7 @@ def tracks_to_cdr(tracks: Tracks) -> bytes:
         check_integers(values, name, lowest, highest)
         records[name] = values
     records["conflict"] = tracks.conflict
+    records["existence_probability"] = tracks.existence_probability
     for name in ("first_detection", "last_detection"):
         stamps = getattr(tracks, f"{name}_ns")
         check_integers(stamps, name, 0, LARGEST_STAMP_NS)

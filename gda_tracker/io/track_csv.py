@@ -29,6 +29,7 @@ COLUMNS = (
     "detection_index",
     "class",
     "class_probability",
+    "existence_probability",
 )
 
 
@@ -46,7 +47,8 @@ class TrackCsvWriter:
     """Writes tracks to a CSV file, to be used in a ``with`` statement.
 
     ``scan`` counts from 0; ``status`` is ``tentative`` or ``confirmed``, also while a track coasts;
-    ``class`` is the most probable one and empty without classes. Numbers are written so that
+    ``class`` is the most probable one and empty without classes; ``existence_probability`` is that
+    of a target behind the track. Numbers are written so that
     reading them gives the same float64.
 
     Parameters
@@ -85,6 +87,7 @@ class TrackCsvWriter:
                     int(tracks.misses[row]),
                     int(tracks.detection_index[row]),
                     *_class(tracks, row),
+                    repr(float(tracks.existence_probability[row])),
                 )
             )
 

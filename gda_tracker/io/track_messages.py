@@ -130,7 +130,10 @@ def tracks_to_message(tracks: Tracks, *, with_tracks: bool = True) -> Any:
         )
     ]
     numbers = [(name, _integers(tracks, name, *limits)) for name, *limits in INTEGER_LIMITS]
-    conflict = np.asarray(tracks.conflict, dtype=np.float64).tolist()
+    reals = [
+        (name, np.asarray(getattr(tracks, name), dtype=np.float64).tolist())
+        for name in ("conflict", "existence_probability")
+    ]
     stamps = [
         (name, [split_stamp(stamp, name) for stamp in values.tolist()])
         for name, values in (
@@ -144,7 +147,8 @@ def tracks_to_message(tracks: Tracks, *, with_tracks: bool = True) -> Any:
             setattr(track, name, values[row * width : (row + 1) * width])
         for name, values in numbers:
             setattr(track, name, values[row])
-        track.conflict = conflict[row]
+        for name, values in reals:
+            setattr(track, name, values[row])
         for name, values in stamps:
             time = getattr(track, name)
             time.sec, time.nanosec = values[row]
@@ -205,6 +209,9 @@ def tracks_from_message(message: Any) -> Tracks:
     def integers(name: str) -> Any:
         return np.array([int(getattr(track, name)) for track in tracks], dtype=np.int64)
 
+    def reals(name: str) -> FloatArray:
+        return np.array([float(getattr(track, name)) for track in tracks], dtype=np.float64)
+
     def stamps(name: str) -> Any:
         return np.array(
             [stamp_from_time(getattr(track, name), name) for track in tracks], dtype=np.int64
@@ -224,7 +231,8 @@ def tracks_from_message(message: Any) -> Tracks:
         masses=_stack(tracks, "masses", len(focal)),
         class_names=class_names,
         class_probability=_stack(tracks, "class_probability", len(class_names)),
-        conflict=np.array([float(track.conflict) for track in tracks], dtype=np.float64),
+        conflict=reals("conflict"),
+        existence_probability=reals("existence_probability"),
         hits=integers("hits"),
         misses=integers("misses"),
         coasted_scans=integers("coasted_scans"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gda_tracker.kinematics.sensor_models import polar_measurements
+from gda_tracker.tracking.existence import prior_odds
 from gda_tracker.tracking.history_window import begin_windows
 from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
 from gda_tracker.tracking.initiation import NewTracks, StartPoints, bounded_speed, start_tracks
@@ -69,10 +70,11 @@ def begin_tracks(
     born = hypotheses_of_births(
         new, count, scan, evidence, table, state.next_track_id, state.next_hypothesis_id, p
     )
+    started = new.select(slice(count))
+    density = opened.predictions.settings.clutter_density
+    born.log_prior_odds = prior_odds(started, scan, density, p)
     width = table.detection_numbers.shape[1]
     if width:
-        started = new.select(slice(count))
-        density = opened.predictions.settings.clutter_density
         born.log_score = start_scores(started, scan, density, p)
         born.detection_numbers = start_numbers(started, number, width)
     state.next_hypothesis_id += count

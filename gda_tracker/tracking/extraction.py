@@ -258,8 +258,21 @@ def decide(
     )
 
 
+def held_between(log_ratio: FloatArray, increments: FloatArray, test: SequentialTest) -> FloatArray:
+    """Log ratios (N,) after a scan where another rule decides: never beyond the thresholds.
+
+    Else a long life would outweigh any number of misses, and many misses any detection.
+    """
+    held: FloatArray = np.clip(
+        np.minimum(log_ratio, test.log_accept) + increments, test.log_reject, test.log_accept
+    )
+    return held
+
+
 def existence_probability(log_ratio: FloatArray, prior: float = 0.5) -> FloatArray:
     """P(h1 | Z) of tracks with these log ratios; Koch's (4.1) with P(h1) = ``prior``.
+
+    The prior of tracks that the tracker starts is :mod:`gda_tracker.tracking.existence`'s.
 
     Raises
     ------

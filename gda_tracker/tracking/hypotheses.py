@@ -29,7 +29,9 @@ class HypothesisTable:
     scans as bits, newest in bit 0; ``detection_index`` (H,) is the row of the last scan's detection
     in the source's array, -1 for none. Beliefs: ``masses`` (H, E) over the Venn bitmasks ``focal``
     of the frame, ``class_probability`` (H, C), ``conflict`` (H,). ``log_likelihood_ratio`` (H,) is
-    that of sequential extraction, kept as long as it is in use. The fields of the history window
+    that of sequential extraction, kept under every rule; with ``log_prior_odds`` (H,) of the start
+    and ``log_room`` (H,), see :mod:`gda_tracker.tracking.existence`, it says how probably there is
+    a target. The fields of the history window
     are those of ``Predictions``, see :mod:`gda_tracker.tracking.history_window`; no columns without
     a window.
 
@@ -58,6 +60,8 @@ class HypothesisTable:
     last_detection_ns: IntArray = field(default_factory=_ints)
     detection_index: IntArray = field(default_factory=_ints)
     log_likelihood_ratio: FloatArray = field(default_factory=empty_floats)
+    log_prior_odds: FloatArray = field(default_factory=empty_floats)
+    log_room: FloatArray = field(default_factory=empty_floats)
     conflict: FloatArray = field(default_factory=empty_floats)
     masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
@@ -77,7 +81,7 @@ class HypothesisTable:
     window_focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
 
     def __post_init__(self) -> None:
-        """Give rows that were made without a window, models or trees empty ones."""
+        """Give rows that were made without a window, models, trees or odds empty ones."""
         if not self.window_kind.size and len(self.window_kind) != len(self):
             self.clear_windows(0)
         if len(self.model_weight) != len(self) and not self.model_weight.size:
@@ -89,8 +93,9 @@ class HypothesisTable:
         count = len(self)
         if len(self.chosen) != count:
             self.chosen = np.ones(count, dtype=np.bool_)
-        if len(self.log_score) != count:
-            self.log_score = np.zeros(count)
+        for name in ("log_score", "log_prior_odds", "log_room"):
+            if len(getattr(self, name)) != count:
+                setattr(self, name, np.zeros(count))
         if len(self.detection_numbers) != count:
             self.detection_numbers = np.zeros((count, 0), dtype=np.int64)
 

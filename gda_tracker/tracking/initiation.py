@@ -5,6 +5,7 @@ Tchamova et al. 2004, section 14.2.2.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,6 +18,7 @@ from gda_tracker.vocabulary.arrays import FloatArray, IntArray, empty_floats
 
 # Up to so many cells the assignment is solved as a full matrix, which is faster then.
 DENSE_CELLS = 4096
+LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
 def two_point_states(
@@ -103,7 +105,8 @@ class NewTracks:
 
     ``detection`` (N,) is the row in the scan, ``first_stamp_ns`` (N,) the time of the earlier
     detection and ``first_number`` (N,) its running number, ``gap_scans`` (N,) the scans between the
-    two detections plus one.
+    two detections plus one. ``log_density`` (N,) [log 1/m2] is that of the second one's position
+    given the first, were both a target's.
     """
 
     mean: FloatArray = field(default_factory=lambda: empty_floats(0, 4))
@@ -112,6 +115,7 @@ class NewTracks:
     first_stamp_ns: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     gap_scans: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     first_number: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    log_density: FloatArray = field(default_factory=empty_floats)
 
     def select(self, rows: np.ndarray | slice) -> NewTracks:
         """Return the new tracks of the given rows."""
@@ -122,6 +126,7 @@ class NewTracks:
             self.first_stamp_ns[rows],
             self.gap_scans[rows],
             self.first_number[rows],
+            self.log_density[rows],
         )
 
 
@@ -179,6 +184,12 @@ def start_tracks(
         covariance[newer],
         (stamps[newer] - points.stamp_ns[older]) / 1e9,
     )
+    log_density = _log_density(
+        position[newer] - points.position[older],
+        points.covariance[older] + covariance[newer],
+        (stamps[newer] - points.stamp_ns[older]) / 1e9,
+        max_speed_mps,
+    )
     if offset is not None:
         mean, start_covariance = _move_back(mean, start_covariance, offset[newer])
     new = NewTracks(
@@ -188,6 +199,7 @@ def start_tracks(
         points.stamp_ns[older],
         points.age_scans[older] + 1,
         points.number[older],
+        log_density,
     )
     waiting = points.age_scans + 1 < memory_scans
     waiting[older] = False
@@ -203,6 +215,21 @@ def start_tracks(
         np.concatenate([kept.age_scans + 1, fresh.age_scans]),
         np.concatenate([kept.number, fresh.number]),
     )
+
+
+def _log_density(
+    gap: FloatArray, covariance: FloatArray, dt_s: FloatArray, max_speed_mps: float
+) -> FloatArray:
+    """Log density (N,) of position differences (N, 2) of a target's detections ``dt_s`` (N,) apart.
+
+    Normal, with the errors' covariance (N, 2, 2) and that of speeds below ``max_speed_mps``, as in
+    :func:`bounded_speed`.
+    """
+    travel = np.square(max_speed_mps * dt_s / 2.0)
+    spread = covariance + travel[:, None, None] * np.eye(2)
+    squared = (gap * np.linalg.solve(spread, gap[:, :, None])[:, :, 0]).sum(axis=1)
+    log_density: FloatArray = -0.5 * (squared + np.log(np.linalg.det(spread))) - LOG_TWO_PI
+    return log_density
 
 
 def _allowed_pairs(

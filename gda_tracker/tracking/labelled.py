@@ -106,6 +106,7 @@ def labelled_tracks(
         class_names=evidence.class_names,
         class_probability=classes,
         conflict=conflict,
+        existence_probability=np.ones(count),
         hits=n_initiation_scans * ones,
         misses=0 * ones,
         coasted_scans=0 * ones,

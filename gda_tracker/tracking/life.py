@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gda_tracker.tracking.extraction import decide, sequential_test
+from gda_tracker.tracking.extraction import decide, held_between, sequential_test
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.lifecycle import confirmed, ended
 from gda_tracker.tracking.parameter_groups.life import M_OF_N, SEQUENTIAL
@@ -28,7 +28,7 @@ def judge(
     table
         (H,) hypotheses; status and log likelihood ratio are replaced.
     increments
-        Gives what the scan adds to the log likelihood ratio (H,), where the rule asks for it:
+        Gives what the scan adds to the log likelihood ratio (H,):
         :func:`gda_tracker.tracking.extraction.scan_increments`.
     parameters
         Of the track manager.
@@ -47,6 +47,9 @@ def _m_of_n(
     parameters: TrackManagerParameters,
 ) -> BoolArray:
     p = parameters
+    # It decides nothing here, but says how probably there is a target.
+    test = sequential_test(p.false_track_probability, p.missed_track_probability)
+    table.log_likelihood_ratio = held_between(table.log_likelihood_ratio, increments(), test)
     table.status = confirmed(table.status, table.history, p.confirmation_hits, p.confirmation_scans)
     return ended(
         table.status,

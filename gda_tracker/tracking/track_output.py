@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gda_tracker.tracking.existence import existence_of_tracks
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.scans import ScanKey
@@ -34,6 +35,7 @@ def tracks_of(
         class_names=table.class_names,
         class_probability=table.class_probability,
         conflict=table.conflict,
+        existence_probability=existence_of_tracks(table),
         hits=table.hits,
         misses=table.misses,
         coasted_scans=table.coasted_scans,

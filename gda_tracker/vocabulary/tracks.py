@@ -23,8 +23,10 @@ class Tracks:
 
     ``mean`` (N, s) [m, m/s] and ``covariance`` (N, s, s); ``class_probability`` (N, C), pignistic
     where the attribute term works with belief masses; ``masses`` (N, E) over the Venn bitmasks
-    ``focal``; ``conflict`` (N,) of the last fusion; ``detection_index`` (N,) row in the source's
-    ``Detections``, -1 for none; stamps in ns. ``status`` (N,) is ``TENTATIVE`` or ``CONFIRMED``.
+    ``focal``; ``conflict`` (N,) of the last fusion; ``existence_probability`` (N,) of a target
+    behind the track, NaN where nothing is known of it; ``detection_index`` (N,) row in the
+    source's ``Detections``, -1 for none; stamps in ns. ``status`` (N,) is ``TENTATIVE`` or
+    ``CONFIRMED``.
     """
 
     key: ScanKey
@@ -41,6 +43,7 @@ class Tracks:
     class_names: tuple[str, ...] = ()
     class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     conflict: FloatArray = field(default_factory=empty_floats)
+    existence_probability: FloatArray = field(default_factory=empty_floats)
     hits: IntArray = field(default_factory=_ints)
     misses: IntArray = field(default_factory=_ints)
     coasted_scans: IntArray = field(default_factory=_ints)
@@ -49,6 +52,11 @@ class Tracks:
     detection_index: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     deleted_track_id: IntArray = field(default_factory=_ints)
     degraded: bool = False
+
+    def __post_init__(self) -> None:
+        """Say of tracks that were made without a probability of existence that it is not known."""
+        if not len(self.existence_probability) and len(self.track_id):
+            self.existence_probability = np.full(len(self.track_id), np.nan)
 
     def __len__(self) -> int:
         return len(self.track_id)

@@ -272,6 +272,7 @@ def tracks(count: int = 4, focal: tuple[int, ...] = ()) -> Tracks:
         class_names=CLASSES,
         class_probability=floats(count, len(CLASSES), seed=4),
         conflict=floats(count, seed=5),
+        existence_probability=floats(count, seed=6),
         hits=ids + 3,
         misses=ids * 2,
         coasted_scans=ids,

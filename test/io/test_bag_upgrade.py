@@ -1,5 +1,6 @@
 """Recordings with an earlier definition of our messages."""
 
+import math
 import re
 
 import message_examples as examples
@@ -114,19 +115,19 @@ def test_bytes_that_are_no_message_of_the_earlier_definition_are_named(tmp_path)
 
 
 def test_messages_of_messages_are_upgraded(tmp_path):
-    """Tracks as they were before a made-up field of ``Track``: nested arrays of messages."""
+    """Tracks without some fields of ``Track``, nested arrays of messages: empty arrays, NaN."""
     kind = "gda_tracker_msgs/msg/TrackArray"
     store = get_typestore(Stores.ROS2_JAZZY)
     folder, types = resource("msg_schemas", "msg"), {}
     for name in ("ScanKey", "Track", "TrackArray"):
         text = (folder / f"{name}.msg").read_text(encoding="utf-8")
         if name == "Track":
-            text = re.sub(r"(?m)^float64\[\] masses .*\n", "", text)
+            text = re.sub(r"(?m)^float64(\[\] masses| existence_probability) .*\n", "", text)
         types.update(get_types_from_msg(text, f"gda_tracker_msgs/msg/{name}"))
     store.register(types)
     message = messages.tracks_to_message(examples.tracks(2))
     for track in message.tracks:
-        track.masses = []
+        track.masses, track.existence_probability = [], math.nan
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         connection = writer.add_connection("tracks", kind, typestore=store)
         old = bag_types._store_message(message, kind, store)
@@ -134,3 +135,4 @@ def test_messages_of_messages_are_upgraded(tmp_path):
     (record,) = read_bag(tmp_path / "bag")
     assert record.data == bag_types.serialize(message)
     np.testing.assert_array_equal(record.message().tracks[1].masses, [])
+    assert math.isnan(record.message().tracks[1].existence_probability)

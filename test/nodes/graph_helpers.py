@@ -27,6 +27,7 @@ TRACK_FIELDS = (
     "masses",
     "class_probability",
     "conflict",
+    "existence_probability",
     "hits",
     "misses",
     "coasted_scans",

@@ -11,7 +11,7 @@ from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 def global_hypothesis(
     log_score: FloatArray, track: IntArray, detection_numbers: IntArray, optional: IntArray
-) -> tuple[BoolArray, FloatArray]:
+) -> tuple[BoolArray, FloatArray, FloatArray]:
     """Choose one leaf for every track, for optional ones one at most.
 
     Parameters
@@ -27,6 +27,8 @@ def global_hypothesis(
     -------
     chosen, probability : (L,)
         The leaves of the best global hypothesis, and the probability of each over all of them.
+    absent
+        (O,) The probability that each of the optional tracks is absent.
     """
     count, width = detection_numbers.shape
     if len(optional):
@@ -37,4 +39,4 @@ def global_hypothesis(
         detection_numbers = np.concatenate([detection_numbers, absent])
     best = best_global_hypothesis(log_score, track, detection_numbers)
     found = leaf_probabilities(log_score, track, detection_numbers, best=best)
-    return best.chosen[:count], found.probability[:count]
+    return best.chosen[:count], found.probability[:count], found.probability[count:]

@@ -11,6 +11,7 @@ from gda_tracker.association.leaf_pruning import n_scan_decision
 from gda_tracker.association.log_ratios import log_ratios
 from gda_tracker.association.statements import statement_factors
 from gda_tracker.tracking.answers import Inconsistent
+from gda_tracker.tracking.existence import log_room
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.history_window import remember
 from gda_tracker.tracking.hypotheses import HypothesisTable
@@ -111,9 +112,9 @@ def grow(
         miss_score,
         first_number,
     )
-    branches, chosen = decide(branches, opened.table, generations, parameters)
+    branches, chosen, room = decide(branches, opened.table, generations, parameters)
     table = opened.table.select(branches.parent)
-    table.chosen, table.log_score = chosen, branches.log_score
+    table.chosen, table.log_score, table.log_room = chosen, branches.log_score, room
     table.detection_numbers = branches.detection_numbers[:, : parameters.mht_scans].copy()
     table.parent_id = opened.table.hypothesis_id[branches.parent]
     used = branches.detection.astype(np.int32)
@@ -148,9 +149,9 @@ def coast(
     table = opened.table.copy()
     none = np.zeros(0, dtype=np.int32)
     branches = branch(table, none, none, np.zeros(0), np.zeros(len(table)), 0)
-    branches, chosen = decide(branches, table, generations, parameters)
+    branches, chosen, room = decide(branches, table, generations, parameters)
     table = table.select(branches.parent)
-    table.chosen, table.log_score = chosen, branches.log_score
+    table.chosen, table.log_score, table.log_room = chosen, branches.log_score, room
     table.parent_id = table.hypothesis_id
     table.detection_numbers = branches.detection_numbers[:, : parameters.mht_scans].copy()
     table.detection_index = np.full(len(table), -1, dtype=np.int64)
@@ -162,24 +163,28 @@ def decide(
     table: HypothesisTable,
     generations: Sequence[Generation],
     parameters: TrackManagerParameters,
-) -> tuple[Branches, BoolArray]:
+) -> tuple[Branches, BoolArray, FloatArray]:
     """Find the best global hypothesis of the branches and prune what is not worth keeping.
 
     Returns
     -------
-    branches, chosen
-        The branches that stay, and which of them are in the best global hypothesis.
+    branches, chosen, log_room
+        The branches that stay, which of them are in the best global hypothesis, and how much room
+        the other tracks leave the branch's one (:func:`~gda_tracker.tracking.existence.log_room`).
     """
     if not len(branches):
-        return branches, np.zeros(0, dtype=np.bool_)
+        return branches, np.zeros(0, dtype=np.bool_), np.zeros(0)
     p = parameters
     track = ranks(branches.track_id)
     mandatory = np.zeros(track[-1] + 1, dtype=np.bool_)
     mandatory[track] = table.status[branches.parent] == CONFIRMED
     score = branches.log_score + _ground(branches.log_score, track, mandatory)
-    chosen, probability = global_hypothesis(
-        score, track, branches.detection_numbers, np.flatnonzero(~mandatory)
+    optional = np.flatnonzero(~mandatory)
+    chosen, probability, absent = global_hypothesis(
+        score, track, branches.detection_numbers, optional
     )
+    room = np.zeros(len(mandatory))
+    room[optional] = log_room(score, track, optional, absent)
     if len(generations) >= p.mht_scans:
         root = ancestors(table.hypothesis_id, generations[-p.mht_scans :])[0][branches.parent]
     else:
@@ -194,7 +199,7 @@ def decide(
         min_probability=p.mht_leaf_probability,
         max_leaves=leaves_in_all(p.mht_leaves_per_track, p.mht_max_leaves, len(mandatory)),
     )
-    return branches.select(keep), chosen[keep]
+    return branches.select(keep), chosen[keep], room[track[keep]]
 
 
 def ranks(track_id: IntArray) -> IntArray:

@@ -60,7 +60,7 @@ def fit(table: HypothesisTable, width: int) -> HypothesisTable:
         return table
     if width == 0:
         table = table.select(table.chosen)
-        table.log_score = np.zeros(len(table))
+        table.log_score, table.log_room = np.zeros(len(table)), np.zeros(len(table))
         table.detection_numbers = np.zeros((len(table), 0), dtype=np.int64)
         return table
     fitted = table.copy()

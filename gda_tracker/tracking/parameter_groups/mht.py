@@ -61,7 +61,8 @@ class MhtParameters:
     )
     mht_new_target_ratio: float = parameter(
         0.1,
-        "mht: new targets per false alarm; the score with which a track starts",
+        "new targets per false alarm: prior odds of existence_probability, and with mht the score "
+        "with which a track starts",
         minimum=0.0,
         minimum_excluded=True,
         advanced=True,
