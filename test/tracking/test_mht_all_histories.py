@@ -134,7 +134,7 @@ def test_leaves_scores_and_choice_are_those_of_exhaustive_enumeration(
         alone = [max(leaves.values(), key=lambda n: n.log_score) for leaves in truth.leaves]
         contested += sum(n.log_score for n in alone) > truth.joint[best] + 1e-6
         # And the probability of every leaf over all joint histories.
-        _, probability = global_hypothesis(
+        _, probability, _ = global_hypothesis(
             table.log_score, tracks, table.detection_numbers, np.zeros(0, dtype=np.int64)
         )
         peak = truth.joint[best]

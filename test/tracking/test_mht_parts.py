@@ -189,18 +189,19 @@ def test_leaves_in_all_are_shared_among_the_tracks():
 def test_an_optional_track_is_absent_where_its_detections_are_worth_more_to_others():
     # Track 0 must have one of its leaves, track 1 may be absent.
     track, used = np.array([0, 0, 1]), np.array([[1, 2], [-1, -1], [2, -1]])
-    chosen, probability = global_hypothesis(
+    chosen, probability, absent = global_hypothesis(
         np.log([5.0, 1.0, 3.0]), track, used, np.array([1], dtype=np.int64)
     )
     assert chosen.tolist() == [True, False, False]
     # Hypotheses: 5 (track 1 absent), 1 (absent), 1 * 3.
     np.testing.assert_allclose(probability, np.array([5.0, 4.0, 3.0]) / 9.0, atol=1e-9)
-    chosen, _ = global_hypothesis(
+    np.testing.assert_allclose(absent, [6.0 / 9.0], atol=1e-9)
+    chosen, _, _ = global_hypothesis(
         np.log([2.0, 1.0, 3.0]), track, used, np.array([1], dtype=np.int64)
     )
     assert chosen.tolist() == [False, True, True]
     # Where both must be, the detection goes to the better sum.
-    chosen, _ = global_hypothesis(
+    chosen, _, _ = global_hypothesis(
         np.log([50.0, 1.0, 3.0]), track, used, np.zeros(0, dtype=np.int64)
     )
     assert chosen.tolist() == [False, True, True]
