@@ -68,11 +68,13 @@ setup(
     extras_require={
         "bags": ["rosbags"],
         "report": ["matplotlib", "tqdm"],
+        "tune": ["optuna>=5", "matplotlib", "rosbags", "tqdm"],
         "test": [
             "evidencelib==1.3.0",
             "filterpy",
             "hypothesis",
             "matplotlib",
+            "optuna>=5",
             "pytest",
             "pytest-timeout",
             "pytest-xdist",

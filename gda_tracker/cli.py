@@ -184,6 +184,34 @@ COMMANDS = {
             --method gda/none/cv --method gda/dsm_classic/cv --method map/bayes/cv
         """,
     ),
+    "tune": Command(
+        "gda_tracker.commands.tune",
+        "search parameters that suit a radar, on recordings with known truth",
+        """
+        Tracks recordings again and again with other parameters, looks for the best (Optuna), and
+        compares it with the default on recordings that the search has not seen. Writes report.html
+        with pictures and tuned.yaml for --params; both say so if the result does not beat the
+        default there.
+
+          --objective   gospa (distance of tracks and targets), completeness (share of the time
+                        that targets are tracked), switches (of the track of a target), delay
+                        (until a track is confirmed); with complete truth also false_tracks, with
+                        simulations also purity. Given twice or more: a trade-off.
+          --parameter   what to search, in place of the ten or so that most radars need
+          --storage     kept there: Ctrl-C, and the same command goes on. Commands on several
+                        machines with one storage share the trials; give each a --seed.
+
+        The trials depend on the seed alone, not on the number of workers.
+        docs/tuning.md: what was measured, and which parameter cures which symptom.
+
+        examples:
+          gda-tracker tune data/autoferry/scenario13 --held-back data/autoferry/scenario16
+          gda-tracker tune my_bag --truth gnss.csv --params my_radar.yaml \\
+            --parameter process_noise_std_mps2=0.1:5:log --parameter deletion_misses=2:10
+          gda-tracker tune crossing_targets --objective completeness --objective false_tracks
+          gda-tracker tune my_bag --storage sqlite:///study.db --study mine --workers 4
+        """,
+    ),
     "fuse": Command(
         "gda_tracker.commands.fuse",
         "a calculator of evidence: combine belief masses by any of the rules",

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Make the bags in data/autoferry from the files of the Autoferry sensor fusion dataset.
 
-    python scripts/make_autoferry_bags.py FOLDER [--output data/autoferry] [--scenarios 13 16]
+    python scripts/make_autoferry_bags.py FOLDER [--output data/autoferry] [--scenarios 2 3 13 16]
 
 FOLDER holds the original ``scenarioN_detections.json`` and ``scenarioN_groundTruth.json``
 (github.com/Autoferry/sensor_fusion_dataset). Each bag has the radar's scans on ``/detections`` and
@@ -45,7 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path, help="folder with the original JSON files")
     parser.add_argument("--output", type=Path, default=ROOT / "data" / "autoferry")
-    parser.add_argument("--scenarios", nargs="+", default=["13", "16"])
+    parser.add_argument("--scenarios", nargs="+", default=["2", "3", "13", "16"])
     options = parser.parse_args(arguments)
     for scenario in options.scenarios:
         try:

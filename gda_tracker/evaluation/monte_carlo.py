@@ -6,16 +6,19 @@ neither the number of workers nor their speed changes anything but the processor
 
 from __future__ import annotations
 
-import gc
 import math
 import multiprocessing
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
 
+from gda_tracker.evaluation.processes import (
+    available_cores,
+    garbage_left,
+    interrupt_held,
+    interrupt_noted,
+    one_thread_per_worker,
+    start_worker,
+)
 from gda_tracker.evaluation.results import ScenarioResult, combine
 from gda_tracker.evaluation.runs import (
     AUTOMATIC,
@@ -33,9 +36,6 @@ DEFAULT_METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "map/bayes/cv")
 # How soon Ctrl-C is heard while all workers are busy [s].
 INTERRUPT_CHECK_S = 0.2
 LONGEST_CHUNK = 5
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-# The ring makes many small objects, and no cycles worth looking for after every 700 of them.
-GARBAGE_THRESHOLD = 100_000
 
 Progress = Callable[[int, int], None]
 
@@ -109,13 +109,6 @@ def monte_carlo(
     ]
 
 
-def available_cores() -> int:
-    """Number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 Task = tuple[Scenario, tuple[str, ...], int, range, str, float | None]
 
 
@@ -138,21 +131,21 @@ def _in_order(
 
     if workers == 1:
         answers = []
-        with _garbage_left():
+        with garbage_left():
             for task in tasks:
                 answers.append(_score_chunk(task))
                 report(task)
         return answers
-    with _one_thread_per_worker(), _interrupt_noted() as interrupted:
+    with one_thread_per_worker(), interrupt_noted() as interrupted:
         executor = ProcessPoolExecutor(
-            workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker
+            workers, mp_context=multiprocessing.get_context("spawn"), initializer=start_worker
         )
         found: dict[int, list[list[RunScore]]] = {}
         waiting: dict[Future[list[list[RunScore]]], int] = {}
         try:
             # A short queue: an interruption has little to call back, however many runs are left.
             for place, task in enumerate(tasks):
-                with _interrupt_held():
+                with interrupt_held():
                     future = executor.submit(_score_chunk, task)
                 waiting[future] = place
                 while waiting and (len(waiting) > 2 * workers or place + 1 == len(tasks)):
@@ -168,77 +161,6 @@ def _in_order(
         finally:
             # After Ctrl-C only the chunks that have begun, some seconds at most, are waited for.
             executor.shutdown(wait=True, cancel_futures=True)
-
-
-@contextmanager
-def _garbage_left() -> Iterator[None]:
-    """Look for garbage rarely."""
-    before = gc.get_threshold()
-    gc.set_threshold(GARBAGE_THRESHOLD)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)
-
-
-@contextmanager
-def _interrupt_noted() -> Iterator[list[bool]]:
-    """Note Ctrl-C in the list instead of raising at once, for places where it can be handled.
-
-    Raised anywhere, it may leave a lock of the futures taken, and the pool waits for it for ever.
-    """
-    noted: list[bool] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield noted  # signals are the main thread's
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: noted.append(True))
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
-def _interrupt_held() -> Iterator[None]:
-    """Hold Ctrl-C back for a moment; a process that starts meanwhile leaves it to its parent.
-
-    Submitting a task starts the workers. They inherit the blocked signal before their first line of
-    Python, so that none of them dies of an interruption that is the parent's to handle.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _start_worker() -> None:
-    """Do not outlive the parent, however it ends; look for garbage rarely."""
-    gc.freeze()
-    gc.set_threshold(GARBAGE_THRESHOLD)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-
-
-def _end_with(parent: multiprocessing.process.BaseProcess) -> None:
-    parent.join()
-    os._exit(1)
-
-
-@contextmanager
-def _one_thread_per_worker() -> Iterator[None]:
-    """Let child processes use one thread each in linear algebra: runs take the cores."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 def _match_distance(

@@ -473,7 +473,12 @@ def test_guessing_says_what_is_known(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "scans", "detections", "closest"),
-    [("scenario13", 69, 167, 9), ("scenario16", 72, 285, 28)],
+    [
+        ("scenario2", 70, 437, 21),
+        ("scenario3", 78, 394, 33),
+        ("scenario13", 69, 167, 9),
+        ("scenario16", 72, 285, 28),
+    ],
 )
 def test_shipped_bags(name, scans, detections, closest):
     bag = Bag(resource("data/autoferry", name))

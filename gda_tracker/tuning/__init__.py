@@ -1,0 +1,1 @@
+"""Search of parameters: ranges, cases to score, objectives, the search itself, and its report."""
