@@ -17,7 +17,7 @@ from gda_tracker.tuning.objectives import Objective
 from gda_tracker.tuning.scores import COLUMNS, CaseScore, measures
 from gda_tracker.vocabulary.arrays import FloatArray
 
-BLOCK_SCANS = 10
+BLOCK_SCANS = 8
 # From so many recordings on they are drawn whole.
 ENOUGH_CASES = 8
 DRAWS = 2000
@@ -90,6 +90,11 @@ class Comparison:
         better = [difference for difference in self.differences if difference.gain > 0.0]
         if all(difference.certain for difference in better):
             return f"It beats the default on the held-back data. {told}."
+        if any(difference.interval is None for difference in better):
+            return (
+                "It is better than the default on the held-back data, which are too few to tell "
+                f"whether by chance. {told}."
+            )
         return (
             "It is better than the default on the held-back data, but by less than can be told "
             f"from chance. {told}."

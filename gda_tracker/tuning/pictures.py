@@ -158,7 +158,7 @@ def _ticks(axes: Any, item: Range) -> None:
     if item.log:
         axes.set_xscale("log")
         at = np.geomspace(item.low, item.high, 4)
-        axes.set_xticks(at, [f"{value:.2g}" for value in at])
+        axes.set_xticks(at, [f"{float(f'{value:.2g}'):g}" for value in at])
         axes.set_xticks([], minor=True)
     elif item.specification.element_kind is int:
         axes.xaxis.get_major_locator().set_params(integer=True, min_n_ticks=1)

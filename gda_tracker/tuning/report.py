@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 # Fewer trials tell nothing of what matters.
 ENOUGH_TRIALS = 20
 BEST_SHOWN = 10
+MOST_NAMED = 4
 TITLES = {
     "gospa_m": "GOSPA [m]",
     "localisation_m": "of it localisation [m]",
@@ -67,7 +68,7 @@ class Result:
                 strict=True,
             )
         )
-        names = ", ".join(dict.fromkeys(case.name for case in self.problem.cases))
+        names = _named([case.name for case in self.problem.cases])
         count = len(self.found.trials)
         if self.chosen is None:
             lines = [
@@ -217,6 +218,13 @@ def measures_table(
         if first is not None and second is not None:
             rows.append([title, f"{first:.3f}", f"{second:.3f}", f"{second - first:+.3f}"])
     return rows
+
+
+def _named(names: Sequence[str]) -> str:
+    """The names, or the first of many and how many more."""
+    if len(names) <= MOST_NAMED:
+        return ", ".join(names)
+    return f"{names[0]} and {len(names) - 1} more"
 
 
 def _values_table(result: Result) -> list[list[str]]:

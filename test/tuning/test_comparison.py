@@ -51,6 +51,12 @@ def test_a_gain_within_chance_is_said_to_be_one():
     assert "by less than can be told from chance" in found.verdict
 
 
+def test_a_gain_on_too_little_data_is_said_to_be_one():
+    found = compare([GOSPA], [score_of([5.0] * 40)], [score_of([4.0] * 40)], 0)
+    assert found.differences[0].interval is None
+    assert "too few to tell whether by chance" in found.verdict
+
+
 def test_a_loss_is_said_plainly():
     found = compare([GOSPA], [score_of([5.0] * 40)], [score_of([6.0] * 40)], 0)
     assert not found.beats
