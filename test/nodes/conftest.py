@@ -10,6 +10,9 @@ import pytest
 
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
+from graph_bench import METHOD
+from graph_helpers import offline, scenario_plays
+
 from gda_tracker.nodes.runner import private_environment, release_domain, use_environment
 
 SHARED_MEMORY = Path("/dev/shm")
@@ -47,3 +50,10 @@ def environment(tmp_path):
 def domain(environment) -> int:
     """ROS domain of this test."""
     return int(environment["ROS_DOMAIN_ID"])
+
+
+@pytest.fixture
+def crossing():
+    """First play of a scenario, parameters, and what the ring makes of it offline."""
+    plays, parameters = scenario_plays("crossing_targets", METHOD)
+    return plays[0], parameters, offline(plays, parameters)
