@@ -28,6 +28,7 @@ def retrodict_imm(
     switching: FloatArray,
     transition: FloatArray,
     noise: FloatArray,
+    moved: FloatArray | None = None,
 ) -> ModelMixtures:
     """One step back with interacting multiple models.
 
@@ -40,7 +41,10 @@ def retrodict_imm(
     switching
         (M, M) or (H, M, M) from l to l + 1, entry [j, i] = p(j | i).
     transition, noise
-        F and Q (M, s, s) of the models from l to l + 1.
+        F and Q (M, s, s) of the models from l to l + 1. For models that depend on the state F may
+        be the derivative (H, M, M, s, s), entry [h, j, i] that of model j at the filtered state i.
+    moved
+        (H, M, M, s) the filtered states moved likewise; ``None``: by F.
 
     Returns
     -------
@@ -54,7 +58,7 @@ def retrodict_imm(
     x_ji = x_i + W_ji (x^j_later - F_j x_i), P_ji = P_i + W_ji (P^j_later - S_ji) W_ji'; moments
     matched over j (Koch 2014, (3.91)-(3.100), with F applied once in (3.95)).
     """
-    forward, back, spread = _model_pairs(filtered, later, switching, transition, noise)
+    forward, back, spread = _model_pairs(filtered, later, switching, transition, noise, moved)
     pair = forward * later.weight[:, :, None]
     weight = pair.sum(axis=1)
     count = pair.shape[1]
@@ -73,11 +77,13 @@ def _model_pairs(
     switching: FloatArray,
     transition: FloatArray,
     noise: FloatArray,
+    moved: FloatArray | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """c_ji (H, M, M), x_ji (H, M, M, s), P_ji (H, M, M, s, s); axes: hypothesis, j, i."""
-    f = transition[:, None]
+    f = transition[:, None] if transition.ndim == 3 else transition
     mean, covariance = filtered.mean[:, None], filtered.covariance[:, None]
-    moved = (f @ mean[..., None])[..., 0]
+    if moved is None:
+        moved = (f @ mean[..., None])[..., 0]
     crossed = f @ covariance
     spread = crossed @ np.swapaxes(f, -1, -2) + noise[:, None]
     gap = later.mean[:, :, None] - moved

@@ -14,7 +14,8 @@ from numpy.polynomial.legendre import leggauss
 
 from gda_tracker.vocabulary.arrays import FloatArray
 
-FILTERS = ("cv", "imm")
+CV, IMM, GPB2 = "cv", "imm", "gpb2"
+FILTERS = (CV, IMM, GPB2)
 # Gauss-Legendre quadrature on [-1, 1].
 _NODES, _NODE_WEIGHTS = (np.asarray(a, dtype=np.float64) for a in leggauss(20))
 

@@ -12,7 +12,7 @@ from gda_tracker.tracking.initiation import NewTracks, StartPoints, bounded_spee
 from gda_tracker.tracking.lifecycle import confirmed
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.mht.start import start_numbers, start_scores
-from gda_tracker.tracking.model_states import with_models
+from gda_tracker.tracking.model_states import has_models, with_models
 from gda_tracker.tracking.parameter_groups.life import M_OF_N
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
@@ -176,7 +176,7 @@ def hypotheses_of_births(
             parameters.confirmation_hits,
             parameters.confirmation_scans,
         )
-    return with_models(started, parameters) if parameters.filter == "imm" else started
+    return with_models(started, parameters) if has_models(parameters) else started
 
 
 def _first_beliefs(

@@ -164,12 +164,14 @@ def _rest(manager: TrackManager) -> dict[str, Any]:
         "system_uuid": manager.system_uuid.hex(),
         "frame": state.table.frame,
         "class_names": state.table.class_names,
+        "models": state.table.models,
         "generations": [
             {
                 "key": generation.key[1:],
                 "degraded": generation.degraded,
                 "frame": generation.table.frame,
                 "class_names": generation.table.class_names,
+                "models": generation.table.models,
             }
             for generation in state.generations
         ],
@@ -242,7 +244,8 @@ def _table_arrays(prefix: str, table: HypothesisTable) -> dict[str, np.ndarray]:
 
 
 def _table(prefix: str, arrays: dict[str, np.ndarray], rest: dict[str, Any]) -> HypothesisTable:
-    """Table of the arrays with a prefix; ``rest`` has the names of frame and classes."""
+    """Table of the arrays with a prefix; ``rest`` has the names of frame, classes, models."""
     columns: dict[str, Any] = {name: arrays[f"{prefix}_{name}"] for name in _TABLE_FIELDS}
     frame, classes = tuple(rest["frame"]), tuple(rest["class_names"])
-    return HypothesisTable(**columns, frame=frame, class_names=classes)
+    models = tuple(rest["models"])
+    return HypothesisTable(**columns, frame=frame, class_names=classes, models=models)

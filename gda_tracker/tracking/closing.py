@@ -20,6 +20,7 @@ from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.mht.delayed import past_of
 from gda_tracker.tracking.mht.generations import Generation, settle
 from gda_tracker.tracking.mht.growth import coast, grow
+from gda_tracker.tracking.model_states import merge_pairs
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.state_update import count_detections, update_beliefs, update_states
 from gda_tracker.tracking.statement_update import (
@@ -88,6 +89,7 @@ def close_unanswered(
     else:
         table = opened.table.copy()
         table.detection_index = np.full(len(table), -1, dtype=np.int64)
+    merge_pairs(table)
     points = StartPoints() if opened.started else state.points
     return ClosedScan(table, points, opened.ended_track_id, GAVE_UP, past)
 
@@ -122,6 +124,7 @@ def _close_single(
         update_heard_states(
             table, opened.table, opened.scan.statements, with_classes=scores is not None
         )
+    merge_pairs(table)
     if scores is not None and evidence is not None:
         taken = np.flatnonzero(associations.chosen)
         remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])

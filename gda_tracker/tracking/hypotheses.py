@@ -36,8 +36,11 @@ class HypothesisTable:
     a window.
 
     With interacting multiple models ``mean`` and ``covariance`` are the moments of the mixture of
-    M models ``model_weight`` (H, M), ``model_mean`` (H, M, s), ``model_covariance`` (H, M, s, s);
-    with one motion model M is 0 and they are all there is.
+    the M motion ``models``, named, with ``model_weight`` (H, M), ``model_mean`` (H, M, c),
+    ``model_covariance`` (H, M, c, c), as far as position and velocity go: the first s of the c
+    components, see :mod:`gda_tracker.kinematics.model_sets`. With the filter ``gpb2`` the
+    predictions of a scan have a component for each pair of models, M^2 of them. With one motion
+    model M is 0 and the moments are all there is.
 
     Under ``mht`` a track has several rows, its leaves, one after the other: ``chosen`` (H,) marks
     the one that speaks for it (else all do), ``log_score`` (H,) is the log likelihood ratio of the
@@ -79,6 +82,7 @@ class HypothesisTable:
     focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
     class_names: tuple[str, ...] = ()
     window_focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
+    models: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Give rows that were made without a window, models, trees or odds empty ones."""
@@ -168,6 +172,6 @@ def move_columns(masses: FloatArray, focal: MaskArray, columns: MaskArray) -> Fl
     return moved
 
 
-WHOLE_FIELDS = ("frame", "focal", "class_names", "window_focal")
+WHOLE_FIELDS = ("frame", "focal", "class_names", "window_focal", "models")
 ALL_FIELDS = tuple(f.name for f in fields(HypothesisTable))
 ROW_FIELDS = tuple(name for name in ALL_FIELDS if name not in WHOLE_FIELDS)

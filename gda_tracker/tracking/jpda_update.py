@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gda_tracker.kinematics import imm
 from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.model_states import set_models
 from gda_tracker.tracking.state_update import update_states
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.beliefs import AttributeScores
@@ -84,7 +84,7 @@ def update_states_by_marginals(
         )
         table.mean, table.covariance = mean[:, 0], covariance[:, 0]
         return
-    table.model_weight, table.model_mean, table.model_covariance = _mixed(
+    mixture = _mixed(
         missed[:, None] * table.model_weight,
         table.model_mean,
         table.model_covariance,
@@ -93,9 +93,7 @@ def update_states_by_marginals(
         updated.model_mean,
         updated.model_covariance,
     )
-    table.mean, table.covariance = imm.combine(
-        table.model_weight, table.model_mean, table.model_covariance
-    )
+    set_models(table, *mixture)
 
 
 def _mixed(

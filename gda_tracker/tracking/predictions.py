@@ -27,12 +27,15 @@ def predictions_of(
     """
     h, models = table.model_weight.shape
     if models:
-        start, model = _components(h, models)
+        start, model = _components(h, models, models // max(len(table.models), 1))
         weight = table.model_weight.reshape(h * models)
-        mean = table.model_mean.reshape(h * models, table.mean.shape[1])
-        covariance = table.model_covariance.reshape(h * models, *table.covariance.shape[1:])
+        # What is measured depends on position and velocity alone.
+        s = table.mean.shape[1]
+        mean = np.ascontiguousarray(table.model_mean[..., :s]).reshape(h * models, s)
+        covariance = np.ascontiguousarray(table.model_covariance[..., :s, :s])
+        covariance = covariance.reshape(h * models, s, s)
     else:
-        start, model = _components(h, 1)
+        start, model = _components(h, 1, 1)
         weight, mean, covariance = _ones(h), table.mean, table.covariance
     return Predictions(
         key=key,
@@ -75,11 +78,11 @@ def _common(density: FloatArray, parameters: TrackManagerParameters) -> float:
 
 
 @lru_cache(maxsize=256)
-def _components(count: int, models: int) -> tuple[Int32Array, Int32Array]:
-    """First component and models of ``count`` hypotheses with a component for each model."""
+def _components(count: int, components: int, each: int) -> tuple[Int32Array, Int32Array]:
+    """First component of ``count`` hypotheses, and the models of all, ``each`` after another."""
     arrays = (
-        np.arange(0, (count + 1) * models, models, dtype=np.int32),
-        np.tile(np.arange(models, dtype=np.int32), count),
+        np.arange(0, (count + 1) * components, components, dtype=np.int32),
+        np.tile(np.arange(components, dtype=np.int32) // each, count),
     )
     for array in arrays:
         array.flags.writeable = False

@@ -6,7 +6,7 @@ from gda_tracker.kinematics.imm_retrodiction import ModelMixtures, retrodict_imm
 from gda_tracker.kinematics.motion_models import constant_velocity
 from gda_tracker.kinematics.retrodiction import retrodict
 from gda_tracker.tracking.hypotheses import HypothesisTable
-from gda_tracker.tracking.model_states import model_matrices, set_models, switching_matrix
+from gda_tracker.tracking.model_states import has_models, set_models, switching_matrix
 from gda_tracker.tracking.parameters import TrackManagerParameters
 
 
@@ -27,8 +27,8 @@ def retrodict_states(
     dt_s
         Time between the two.
     parameters
-        Those of the prediction. Where one of the tables has not the models of the filter ``imm``
-        (the filter was changed meanwhile), constant velocity leads from moments to moments.
+        Those of the prediction. Where one of the tables has not their models (the filter was
+        changed meanwhile), constant velocity leads from moments to moments.
 
     Returns
     -------
@@ -39,16 +39,18 @@ def retrodict_states(
     found = earlier.copy()
     if not len(earlier):
         return found
-    models = len(parameters.imm_process_noise_factors)
-    if (
-        parameters.filter == "imm"
-        and earlier.model_weight.shape[1] == later.model_weight.shape[1] == models
-    ):
+    models = parameters.model_set
+    if has_models(parameters) and earlier.models == later.models == models.names:
+        moved, slope = (None, models.matrices(dt_s)[0])
+        if models.turns:
+            moved, slope = models.moved_pairs(earlier.model_mean, dt_s)
         back = retrodict_imm(
             ModelMixtures(earlier.model_weight, earlier.model_mean, earlier.model_covariance),
             ModelMixtures(later.model_weight, later.model_mean, later.model_covariance),
-            switching_matrix(dt_s, parameters),
-            *model_matrices(dt_s, parameters),
+            switching_matrix(earlier, dt_s, parameters),
+            slope,
+            models.matrices(dt_s)[1],
+            moved,
         )
         set_models(found, back.weight, back.mean, back.covariance)
         return found

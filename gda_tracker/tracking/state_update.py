@@ -9,7 +9,12 @@ from gda_tracker.kinematics.motion_models import constant_velocity
 from gda_tracker.kinematics.range_rate import range_rates, update_with_range_rate
 from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
 from gda_tracker.tracking.hypotheses import HypothesisTable
-from gda_tracker.tracking.model_states import predict_models, update_models, without_models
+from gda_tracker.tracking.model_states import (
+    has_models,
+    predict_models,
+    update_models,
+    without_models,
+)
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import BoolArray, Int32Array, IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores
@@ -23,7 +28,7 @@ def predict_states(
 
     Its rows get, or lose, the models of the filter that the parameters ask for.
     """
-    if parameters.filter == "imm":
+    if has_models(parameters):
         return predict_models(table, dt_s, parameters)
     if table.model_weight.shape[1]:
         table = without_models(table)

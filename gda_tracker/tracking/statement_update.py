@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gda_tracker.attributes.statement_states import Rows, hear, region_meanings
-from gda_tracker.kinematics import imm
 from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.model_states import set_models
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores
 from gda_tracker.vocabulary.statements import Statement
@@ -53,11 +53,11 @@ def update_heard_states(
         return
     gained = after.class_weight.sum(axis=1).reshape(len(table), models)
     weights = table.model_weight * gained
-    table.model_weight = weights / weights.sum(axis=1, keepdims=True)
-    table.model_mean = after.mean.reshape(table.model_mean.shape)
-    table.model_covariance = after.covariance.reshape(table.model_covariance.shape)
-    table.mean, table.covariance = imm.combine(
-        table.model_weight, table.model_mean, table.model_covariance
+    set_models(
+        table,
+        weights / weights.sum(axis=1, keepdims=True),
+        after.mean.reshape(table.model_mean.shape),
+        after.covariance.reshape(table.model_covariance.shape),
     )
 
 

@@ -82,6 +82,22 @@ def test_sequential_extraction_and_estimated_clutter(domain):
     assert differences(played.tracks, expected) == []
 
 
+@pytest.mark.parametrize("filter_", ["imm", "gpb2"])
+def test_models_with_states_of_their_own(filter_, domain):
+    """Accelerations and turn rates stay in the track manager; nobody else needs them."""
+    plays, parameters = scenario_plays("crossing_targets", f"mht/bayes/{filter_}")
+    without = offline(plays, parameters)
+    parameters["track_manager"] |= {
+        "imm_models": ["constant_velocity", "singer", "coordinated_turn"],
+        "imm_process_noise_factors": [0.2, 1.0, 0.3],
+        "imm_mean_sojourn_s": [20.0, 20.0, 20.0],
+    }
+    expected = offline(plays, parameters)
+    assert differences(expected, without)
+    played = play_in_one_process(plays, parameters, domain)
+    assert differences(played.tracks, expected) == []
+
+
 def test_forgetting_and_a_window_in_processes(environment):
     """Tracks that start by themselves begin their windows, too."""
     plays, parameters = scenario_plays("crossing_targets", "gda/dempster/cv")

@@ -269,7 +269,7 @@ def test_parameters_that_do_not_fit_are_refused(values, named):
 
 def test_a_method_names_the_filter():
     assert parse_method("map/bayes/imm")["filter"] == "imm"
-    with pytest.raises(ParameterError, match=r"cv\|imm"):
+    with pytest.raises(ParameterError, match=r"cv\|imm\|gpb2"):
         parse_method("map/bayes/ukf")
 
 

@@ -27,8 +27,9 @@ class MethodParameters:
     )
     filter: str = parameter(
         "imm",
-        "motion of targets: cv constant velocity, imm interacting models of it with different "
-        "process noise",
+        "motion of targets: cv constant velocity; imm interacting models, two of constant velocity "
+        "or those of imm_models; gpb2 the same models by the second-order generalised "
+        "pseudo-Bayesian filter",
         choices=FILTERS,
     )
     missed_track_hypotheses: str = parameter(
