@@ -19,20 +19,15 @@ from gda_tracker.commands.options import (
     radar_input_of_file,
 )
 from gda_tracker.commands.progress import progress_bar
+from gda_tracker.commands.replay_summary import Answers, print_summary
 from gda_tracker.errors import UserError
-from gda_tracker.evaluation.continuity import score_continuity
 from gda_tracker.simulation.playback import Playback, of_recording, of_scenario
 from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
 from gda_tracker.tracking.ring import stage_parameters
-from gda_tracker.vocabulary.scans import ScanReport
 from gda_tracker.vocabulary.statements import StatementReport
 from gda_tracker.vocabulary.tracks import Tracks
 
 STALL_TIMEOUT_S = 60.0
-REAL_MATCH_M = 25.0
-SIMULATED_MATCH_M = 1000.0
-
-Answers = list[tuple[ScanReport, Tracks | None]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +67,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(docs/mht.md)",
     )
     parser.add_argument(
+        "--tracks-smoothed",
+        type=Path,
+        metavar="OUT.csv",
+        help="with --offline: the same in the light of the whole recording, by fixed-interval "
+        "smoothing (docs/filters.md)",
+    )
+    parser.add_argument(
         "--association-log",
         type=Path,
         metavar="OUT.jsonl",
@@ -104,6 +106,8 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.tracks_delayed and not args.offline:
         raise UserError("--tracks-delayed: allowed with --offline alone, which makes the same")
+    if args.tracks_smoothed and not args.offline:
+        raise UserError("--tracks-smoothed: allowed with --offline alone, which makes the same")
     if not 0.0 <= args.rate < float("inf"):
         raise UserError(f"--rate {args.rate}: allowed is a number >= 0")
     play, preset_name, parameters = _load(args)
@@ -113,8 +117,9 @@ def run(args: argparse.Namespace) -> int:
     sys.stdout.flush()
     said: list[StatementReport] = []
     delayed: list[Tracks] = []
+    smoothed: list[Tracks] = []
     if args.offline:
-        answers = _offline(play, parameters, said, args.association_log, delayed)
+        answers = _offline(play, parameters, said, args.association_log, delayed, smoothed)
     else:
         answers = _through_the_nodes(play, parameters, args, said)
     if args.tracks:
@@ -125,12 +130,15 @@ def run(args: argparse.Namespace) -> int:
             raise UserError("--tracks-delayed: allowed with decision mht, which revises the past")
         _write_table(args.tracks_delayed, delayed)
         print(f"tracks with the revised past: {args.tracks_delayed}")
+    if args.tracks_smoothed:
+        _write_table(args.tracks_smoothed, smoothed)
+        print(f"smoothed tracks: {args.tracks_smoothed}")
     if args.association_log:
         print(f"association log: {args.association_log}")
     if said:
         count = Counter(report.reason or report.outcome for report in said)
         print("statements: " + ", ".join(f"{number} {name}" for name, number in count.items()))
-    _summary(play, answers, args.match_distance)
+    print_summary(play, answers, {"delayed": delayed, "smoothed": smoothed}, args.match_distance)
     return 0
 
 
@@ -187,11 +195,14 @@ def _offline(
     said: list[StatementReport],
     log_path: Path | None,
     delayed: list[Tracks],
+    smoothed: list[Tracks],
 ) -> Answers:
     from gda_tracker.evaluation.association_log import AssociationLogWriter
     from gda_tracker.tracking.ring import Ring
+    from gda_tracker.tracking.smoothing import Smoother
 
     ring = Ring(parameters)
+    ring.smoother = Smoother()
     if play.initial is not None:
         ring.initialise(play.initial)
     answers: Answers = []
@@ -207,6 +218,7 @@ def _offline(
                     log.write(result)
             bar(len(answers))
     delayed += ring.rest_of_delayed()
+    smoothed += ring.smoother.tracks()
     return answers
 
 
@@ -279,57 +291,3 @@ class _Stall:
         if rate == 0.0 and now - self._since > STALL_TIMEOUT_S:
             return f"no scan was answered for {STALL_TIMEOUT_S:.0f} s"
         return ""
-
-
-def _summary(play: Playback, answers: Answers, match_distance_m: float | None) -> None:
-    """Print what came out: scans, tracks, and scores where there is truth."""
-    outcomes = Counter(
-        f"rejected: {report.reason}" if report.outcome == "rejected" else report.outcome
-        for report, _ in answers
-    )
-    print("scans: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
-    left_out: Counter[str] = Counter()
-    for report, _ in answers:
-        left_out.update(report.rejected)
-    if left_out:
-        print("detections: " + ", ".join(f"{count} {reason}" for reason, count in left_out.items()))
-    tracked = [(report, tracks) for report, tracks in answers if tracks is not None]
-    ids = {int(i) for _, t in tracked for i in t.track_id[t.status == 1]}
-    print(f"confirmed tracks: {len(ids)}")
-    latency = [1e3 * report.latency_s for report, _ in tracked if report.latency_s > 0.0]
-    if latency:
-        print(
-            f"latency per scan: median {np.median(latency):.1f} ms, "
-            f"99 % {np.percentile(latency, 99):.1f} ms"
-        )
-    if play.truth is None:
-        return
-    truth = {(t.sensor_id, t.stamp_ns): t for t in play.truth}
-    pairs = [
-        (t, truth[key]) for _, t in tracked if (key := (t.key.sensor_id, t.key.stamp_ns)) in truth
-    ]
-    if not pairs:
-        return
-    # Where every detection's source is known the truth is a simulation's, and complete.
-    simulated = all(r.source_id is not None for _, r in pairs)
-    score = score_continuity(
-        [t for t, _ in pairs],
-        [r for _, r in pairs],
-        match_distance_m=match_distance_m or (SIMULATED_MATCH_M if simulated else REAL_MATCH_M),
-        truth_is_partial=not simulated,
-    )
-    if simulated:
-        print(
-            f"targets: {len(score.target_id)}, completeness {score.completeness:.3f} (within "
-            f"{score.match_distance_m:.0f} m), identity switches {score.identity_switches}, "
-            f"false tracks {score.false_tracks}, position error {score.position_rmse_m:.1f} m (RMS)"
-        )
-        return
-    for target, share, switches in zip(
-        score.target_id, score.completeness_per_target, score.switches, strict=True
-    ):
-        print(
-            f"target {target}: completeness {share:.3f} (within {score.match_distance_m:.0f} m), "
-            f"identity switches {switches}"
-        )
-    print(f"position error: {score.position_rmse_m:.1f} m (RMS)")

@@ -18,7 +18,7 @@ from scipy.special import chdtr, chdtri, ndtri
 
 from gda_tracker.evaluation.matching import Matches
 from gda_tracker.kinematics.gating import MEASUREMENT_DIMENSION, gate_threshold
-from gda_tracker.vocabulary.arrays import FloatArray, IntArray
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
 from gda_tracker.vocabulary.hypotheses import Associations, Predictions
 from gda_tracker.vocabulary.scans import ScanTruth
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
@@ -154,16 +154,23 @@ def score_nis(
     tracks: Sequence[Tracks],
     predictions: Sequence[Predictions],
     associations: Sequence[Associations],
+    assigned: Sequence[Int32Array | None],
 ) -> NormalisedErrors:
     """NIS of the detections that confirmed tracks were given; needs no truth.
 
     Wrong associations count as well, and nothing beyond the gate: compare with
     :func:`gated_bounds`. All scans must have the gate probability of the first one.
 
+    Under ``mht`` the innovation is that of the leaf which speaks for the track after the scan, from
+    the prediction of its own parent. Which leaf that is the detection has helped to choose: where
+    several leaves are near each other the values are a little too small.
+
     Parameters
     ----------
     tracks, predictions, associations
         One entry per scan; the tracks are those after the scan.
+    assigned
+        ``RingResult.assigned`` of each scan; ``None``: what the associations have chosen.
 
     Raises
     ------
@@ -174,11 +181,12 @@ def score_nis(
     if len(gates) > 1:
         raise ValueError(f"gate_probability = {sorted(gates)}: allowed is one value for all scans")
     squared, scans = [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
-    for scan, (live, expected, decided) in enumerate(
-        zip(tracks, predictions, associations, strict=True)
+    for scan, (live, expected, decided, given) in enumerate(
+        zip(tracks, predictions, associations, assigned, strict=True)
     ):
         confirmed = live.track_id[live.status == CONFIRMED]
-        chosen = decided.chosen & np.isin(expected.track_id[decided.hypothesis], confirmed)
+        chosen = decided.chosen if given is None else given[decided.hypothesis] == decided.detection
+        chosen = chosen & np.isin(expected.track_id[decided.hypothesis], confirmed)
         squared.append(decided.mahalanobis_squared[chosen])
         scans.append(np.full(int(chosen.sum()), scan))
     return NormalisedErrors(

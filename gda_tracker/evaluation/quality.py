@@ -21,16 +21,23 @@ from gda_tracker.evaluation.set_distances import SetDistances, score_set_distanc
 from gda_tracker.tracking.ring import RingResult
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.scans import ScanTruth
+from gda_tracker.vocabulary.tracks import Tracks
 
 
 @dataclass(frozen=True)
 class Quality:
-    """All measures of one run."""
+    """All measures of one run.
+
+    ``delayed_rmse_m`` and ``smoothed_rmse_m`` are the position errors of the tracks as they are
+    told N scans later, NaN where they are not, and in the light of the whole run.
+    """
 
     continuity: Continuity
     distances: SetDistances
     nees: NormalisedErrors
     nis: NormalisedErrors
+    delayed_rmse_m: float = math.nan
+    smoothed_rmse_m: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,11 @@ class Consistency:
 
 
 def score_quality(
-    results: Sequence[RingResult], truth: Sequence[ScanTruth], match_distance_m: float
+    results: Sequence[RingResult],
+    truth: Sequence[ScanTruth],
+    match_distance_m: float,
+    delayed: Sequence[Tracks] = (),
+    smoothed: Sequence[Tracks] = (),
 ) -> Quality:
     """Score one run.
 
@@ -71,6 +82,8 @@ def score_quality(
         One entry per scan; it knows all targets.
     match_distance_m
         How far a track may be from its target, and the cut-off of GOSPA and OSPA.
+    delayed, smoothed
+        The tracks of each scan as they are told later, or nothing.
 
     Raises
     ------
@@ -88,8 +101,18 @@ def score_quality(
         score_continuity(tracks, truth, match_distance_m=match_distance_m),
         score_set_distances(tracks, truth, match_distance_m),
         score_nees(tracks, truth, match_run(tracks, truth, match_distance_m)),
-        score_nis(tracks, predictions, associations),
+        score_nis(tracks, predictions, associations, [result.assigned for result in results]),
+        *(_position_error(told, truth, match_distance_m) for told in (delayed, smoothed)),
     )
+
+
+def _position_error(
+    tracks: Sequence[Tracks], truth: Sequence[ScanTruth], match_distance_m: float
+) -> float:
+    """Root of the mean squared distance [m] of matched tracks and targets; NaN without tracks."""
+    if not tracks:
+        return math.nan
+    return score_continuity(tracks, truth, match_distance_m=match_distance_m).position_rmse_m
 
 
 def combine_consistency(runs: Sequence[NormalisedErrors], n_scans: int) -> Consistency:

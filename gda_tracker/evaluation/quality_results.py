@@ -44,6 +44,8 @@ def combine_quality(runs: Sequence[Quality]) -> QualityResult:
         "false_tracks": np.array([run.false_tracks or 0 for run in continuity]),
         "confirmed_tracks": np.array([run.confirmed_tracks for run in continuity]),
         "position_rmse_m": np.array([run.position_rmse_m for run in continuity]),
+        "position_delayed_rmse_m": np.array([run.delayed_rmse_m for run in runs]),
+        "position_smoothed_rmse_m": np.array([run.smoothed_rmse_m for run in runs]),
         "targets_not_extracted": np.array([run.targets_not_extracted for run in continuity]),
         "false_tracks_per_hour": np.array([run.false_tracks_per_hour for run in continuity]),
     }

@@ -23,8 +23,10 @@ from gda_tracker.tracking.labelled import labelled_tracks
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.methods import parse_method
 from gda_tracker.tracking.ring import Prepared, Ring, RingResult, stage_parameters
+from gda_tracker.tracking.smoothing import Smoother
 from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.recordings import Recording
+from gda_tracker.vocabulary.tracks import Tracks
 
 LABELLED = "labelled"
 AUTOMATIC = "automatic"
@@ -133,17 +135,19 @@ class Contestant:
         assert recording.truth is not None
         ring, skip = self._new_ring(recording), self._skip
         if self.initiation == AUTOMATIC:
+            ring.smoother = Smoother()
             results, cpu_s = _track(ring, recording, skip, prepared)
             distance = match_distance_m or default_match_distance_m(self.scenario)
-            quality = score_quality(results, recording.truth, distance)
+            quality = score_quality(
+                results, recording.truth, distance, _delayed(results, ring), ring.smoother.tracks()
+            )
             return RunScore(None, quality, cpu_s, len(results))
         ring.initialise(labelled_tracks(recording, skip, ring, prepared[0]))
         results, cpu_s = _track(ring, recording, skip, prepared)
         tracks = [result.tracks for result in results if result.tracks is not None]
         truth, ids = recording.truth[skip:], (self._track_ids, self._target_ids)
         counts = confusion_counts(tracks, truth, *ids)
-        delayed = [told for result in results for told in result.delayed]
-        delayed += ring.rest_of_delayed()
+        delayed = _delayed(results, ring)
         revised = confusion_counts(delayed, truth, *ids) if delayed else None
         return RunScore(counts, None, cpu_s, len(tracks), delayed_counts=revised)
 
@@ -190,12 +194,18 @@ def score_runs(
     return scores
 
 
+def _delayed(results: Sequence[RingResult], ring: Ring) -> list[Tracks]:
+    """Tracks with their revised past, if the method revises it."""
+    return [told for result in results for told in result.delayed] + ring.rest_of_delayed()
+
+
 def _track(
-    ring: Ring, recording: Recording, skip: int, prepared: tuple[list[Prepared], float]
+    ring: Ring,
+    recording: Recording,
+    skip: int,
+    prepared: tuple[list[Prepared], float],
 ) -> tuple[list[RingResult], float]:
     """Take scans round the ring, but the first ``skip``; what came of each, processor time.
-
-    The second list has the tracks with their revised past, if the method revises it.
 
     The time of the preparation counts in full, as if it had not been shared.
     """

@@ -104,6 +104,10 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
         ["method", "extraction delay", "not extracted", "false tracks", "their life"],
         ["", "[s]", "[per run]", "[1/h]", "[s]"],
     ]
+    later = [
+        ["method", "online", "delayed", "smoothed"],
+        ["", *["[m RMS]" for _ in range(3)]],
+    ]
     consistency = [
         ["method", "NEES", "consistent", "in bounds", "NIS", "consistent", "in bounds"],
         ["", "[1]", "[1]", "[%]", "[1]", "[1]", "[%]"],
@@ -136,6 +140,8 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
                 value("false_track_life_s", 1),
             ]
         )
+        names = ("position_rmse_m", "position_delayed_rmse_m", "position_smoothed_rmse_m")
+        later.append([method.method, *[value(name, 1) for name in names]])
         row = [method.method]
         for name in ("nees", "nis"):
             row += [
@@ -148,6 +154,7 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
         ("Continuity", continuity),
         ("Distance of confirmed tracks and targets", distances),
         ("Extraction and false tracks", life),
+        ("Position error by what is known", later),
         ("Consistency", consistency),
     ]
 
@@ -162,6 +169,8 @@ def quality_notes(result: ScenarioResult) -> list[str]:
         f"+ false^2",
         "extraction delay: from a target's first detection to its confirmed track; false tracks "
         "were confirmed and never near a target",
+        "error of the tracks as they are told online, N scans later (mht) and in the light of the "
+        "whole run (fixed-interval smoothing)",
         "NEES, NIS: squared error of state and innovation over their covariance, mean of all "
         "scans; consistent: 95 % bounds of the mean at one scan; in bounds: share of scans, 95 if "
         "all is well",

@@ -28,7 +28,7 @@ from gda_tracker.tracking.statement_update import (
     update_heard_beliefs,
     update_heard_states,
 )
-from gda_tracker.vocabulary.arrays import IntArray
+from gda_tracker.vocabulary.arrays import Int32Array, IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
 
@@ -40,13 +40,16 @@ TRACKED, DEGRADED, GAVE_UP = "tracked", "degraded", "gave_up"
 class ClosedScan:
     """What a scan leaves: hypotheses, start points, tracks that ended, and how it was answered.
 
-    ``past`` are the trees' generations before the scan; none but under ``mht``.
+    ``assigned`` (H,) is the detection that each hypothesis of the scan's predictions was given by
+    those that speak for the tracks now, -1 for none. ``past`` are the trees' generations before
+    the scan; none but under ``mht``.
     """
 
     table: HypothesisTable
     points: StartPoints
     deleted_track_id: IntArray
     outcome: str
+    assigned: Int32Array
     past: list[Generation] = field(default_factory=list)
 
 
@@ -91,7 +94,8 @@ def close_unanswered(
         table.detection_index = np.full(len(table), -1, dtype=np.int64)
     merge_pairs(table)
     points = StartPoints() if opened.started else state.points
-    return ClosedScan(table, points, opened.ended_track_id, GAVE_UP, past)
+    none = np.full(len(opened.table), -1, dtype=np.int32)
+    return ClosedScan(table, points, opened.ended_track_id, GAVE_UP, none, past)
 
 
 def _close_single(
@@ -139,7 +143,7 @@ def _close_single(
     if gone.any():
         table = table.select(~gone)
     table, points = _begin_tracks(opened, table, associations, evidence, state, p, counters)
-    return ClosedScan(table, points, deleted, TRACKED)
+    return ClosedScan(table, points, deleted, TRACKED, assigned)
 
 
 def _close_trees(
@@ -164,7 +168,7 @@ def _close_trees(
         state.clutter, opened.scan, opened.table.status, growth.assigned, parameters
     )
     table, points = _begin_tracks(opened, table, decided, evidence, state, parameters, counters)
-    return ClosedScan(table, points, deleted, TRACKED, past)
+    return ClosedScan(table, points, deleted, TRACKED, growth.assigned, past)
 
 
 def _renamed(table: HypothesisTable, state: ManagerState) -> HypothesisTable:

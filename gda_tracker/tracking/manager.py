@@ -66,6 +66,8 @@ class TrackManager:
         self.counters: Counter[str] = Counter()
         # Tracks of earlier scans whose past the last call has made final, oldest first.
         self.delayed: list[Tracks] = []
+        # Detections of the last scan, as ``ClosedScan.assigned``.
+        self.assigned = np.zeros(0, dtype=np.int32)
         self._room = WaitingRoom()
         self._generation = 0
         # Tracks that ended outside any scan; the next scan tells.
@@ -351,6 +353,7 @@ class TrackManager:
     def _finish(self, opened: OpenScan, closed: ClosedScan) -> tuple[Tracks, ScanReport]:
         """Move the state on."""
         state, past, table = self.state, closed.past, closed.table
+        self.assigned = closed.assigned
         if not past:
             self.delayed = self.rest_of_delayed()
             state.generations = []

@@ -145,7 +145,7 @@ def switching_matrix(
     return imm.acceleration_dependent_transition(
         (sojourn[0, 0], sojourn[1, 1]),
         table.model_mean[:, :, HEAD : HEAD + 2],
-        parameters.imm_acceleration_std_mps2,
+        parameters.imm_switching_acceleration_mps2,
     )
 
 

@@ -20,6 +20,8 @@ from gda_tracker.kinematics.gating import GatedPairs, gate
 from gda_tracker.parameters import ParameterError, from_mapping
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.smoothing import Smoother
+from gda_tracker.vocabulary.arrays import Int32Array
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations, Predictions
 from gda_tracker.vocabulary.scans import Detections, Scan, ScanReport
@@ -41,6 +43,8 @@ class RingResult:
     """Everything that one scan brought about; ``None`` where the scan was rejected.
 
     ``delayed``: tracks of earlier scans with a past that is final now (decision ``mht``).
+    ``assigned`` (H,): for each hypothesis of the predictions the detection that it was given by
+    what speaks for its track after the scan, -1 for none.
     """
 
     report: ScanReport
@@ -51,6 +55,7 @@ class RingResult:
     scores: AttributeScores | None = None
     associations: Associations | None = None
     delayed: tuple[Tracks, ...] = ()
+    assigned: Int32Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +109,8 @@ class Ring:
         self.manager = TrackManager(tables["track_manager"])
         self.fuzzifier = RcsFuzzifier(tables["rcs_fuzzifier"])
         self.fusion = AttributeFusion(tables["attribute_fusion"])
+        # Keeps every scan, if somebody wants the tracks in the light of all of them.
+        self.smoother: Smoother | None = None
         self.associate: Associate = associate or Associator(tables["association"])
 
     def initialise(self, initial: Tracks) -> ScanReport:
@@ -180,9 +187,11 @@ class Ring:
         )
         associations = self.associate(scan, predictions, scores, pairs)
         tracks, report = self.manager.close(evidence, scores, associations, trusted=True)
-        delayed = tuple(self.manager.delayed)
+        if self.smoother is not None:
+            self.smoother.add(self.manager)
+        delayed, assigned = tuple(self.manager.delayed), self.manager.assigned
         return RingResult(
-            report, tracks, scan, predictions, evidence, scores, associations, delayed
+            report, tracks, scan, predictions, evidence, scores, associations, delayed, assigned
         )
 
     def rest_of_delayed(self) -> list[Tracks]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -84,6 +85,22 @@ def test_replay_writes_the_revised_past(tmp_path, capsys):
     capsys.readouterr()
     assert run(*arguments, "--method", "map/bayes/cv") == 2
     assert "allowed with decision mht" in capsys.readouterr().err
+
+
+def test_replay_smooths_whatever_decides(tmp_path, capsys):
+    table = tmp_path / "smoothed.csv"
+    arguments = ("replay", "crossing_targets", "--tracks-smoothed", table)
+    assert run(*arguments, "--offline", "--method", "map/bayes/cv") == 0
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["scan"]) for row in rows] == [scan for scan in range(23) for _ in range(2)]
+    shown = capsys.readouterr().out
+    online = float(re.search(r"position error (\S+) m", shown)[1])
+    smoothed = float(re.search(r"position error, smoothed: (\S+) m", shown)[1])
+    assert smoothed < 0.9 * online
+    assert "delayed" not in shown
+    assert run(*arguments) == 2
+    assert "allowed with --offline alone" in capsys.readouterr().err
 
 
 def test_replay_takes_a_parameter_file_in_place_of_the_preset(tmp_path, capsys):

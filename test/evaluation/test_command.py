@@ -79,19 +79,25 @@ def test_automatic_initiation_in_table_json_and_report(short, tmp_path, capsys):
     shown, report = capsys.readouterr().out, page.read_text()
     assert "automatic initiation" in shown
     words = ("completeness", "switches", "false tracks", "GOSPA", "localisation", "OSPA")
-    for word in (*words, "extraction delay", "their life", "NEES", "NIS", "consistent"):
+    for word in (*words, "extraction delay", "their life", "smoothed", "NEES", "NIS"):
         assert word in shown
         assert word in report
     for method in json.loads(out.read_text())["methods"]:
         rows = [line for line in shown.splitlines() if line.startswith(method["method"])]
-        assert len(rows) == 4
-        names = ("completeness", "gospa_m", "extraction_delay_s", "nees")
-        for row, name, digits in zip(rows, names, (3, 1, 1, 2), strict=True):
+        assert len(rows) == 5
+        names = (
+            "completeness",
+            "gospa_m",
+            "extraction_delay_s",
+            "position_smoothed_rmse_m",
+            "nees",
+        )
+        for row, name, digits in zip(rows, names, (3, 1, 1, 1, 2), strict=True):
             cell = f"{method[name]:.{digits}f}"
             assert cell in row
             assert f"<td>{cell}" in report
         bounds = f"{method['nees_lower']:.2f} to {method['nees_upper']:.2f}"
-        assert bounds in rows[3]
+        assert bounds in rows[4]
         assert bounds in report
     assert report.count('<img alt="') == 2
     assert f"gda-tracker evaluate {short} --runs 2 --seed 0 --initiation automatic" in report

@@ -165,7 +165,7 @@ def decided(chosen, squared, gate_probability=0.99):
 def test_nis_counts_the_chosen_pairs_of_confirmed_tracks():
     tracks, _ = scene()
     predictions, associations = decided([True, False, True], [1.5, 2.5, 3.5])
-    found = score_nis([tracks] * 2, [predictions] * 2, [associations] * 2)
+    found = score_nis([tracks] * 2, [predictions] * 2, [associations] * 2, [None] * 2)
     np.testing.assert_allclose(found.squared, [1.5, 1.5])
     np.testing.assert_array_equal(found.scan, [0, 1])
     assert (found.dimension, found.threshold) == (2, gate_threshold(0.99))
@@ -175,7 +175,7 @@ def test_nis_needs_one_gate():
     tracks, _ = scene()
     one, other = decided([], []), decided([], [], 0.9)
     with pytest.raises(ValueError, match="gate_probability"):
-        score_nis([tracks] * 2, [one[0], other[0]], [one[1], other[1]])
+        score_nis([tracks] * 2, [one[0], other[0]], [one[1], other[1]], [None] * 2)
 
 
 def test_runs_without_any_error_combine_to_nothing():

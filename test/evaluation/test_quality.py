@@ -17,14 +17,14 @@ from gda_tracker.evaluation.statistics import root_mean_square
 from gda_tracker.simulation.scenarios import load_scenario
 from gda_tracker.simulation.simulate import simulate
 from gda_tracker.tracking.ring import Ring, RingResult
-from gda_tracker.vocabulary.scans import ScanKey, ScanReport
+from gda_tracker.tracking.smoothing import Smoother
+from gda_tracker.vocabulary.scans import Detections, ScanKey, ScanReport, ScanTruth
 
 DISTANCE_M = 400.0
 
 
 def tracked(run):
     recording = simulate(load_scenario("crossing_targets"), 4, run, initiation="automatic")
-    # Hypothesis trees publish no innovation of the leaf that leads: no NIS.
     manager = {**recording.preset["track_manager"], "decision": "map", "filter": "cv"}
     ring = Ring({**recording.preset, "track_manager": manager})
     return [ring.process(scan) for scan in recording.detections], recording.truth
@@ -47,7 +47,9 @@ def test_one_run_has_every_measure(runs):
     nees = score_nees(tracks, truth, match_run(tracks, truth, DISTANCE_M))
     np.testing.assert_array_equal(found.nees.squared, nees.squared)
     predictions = [result.predictions for result in results]
-    nis = score_nis(tracks, predictions, [result.associations for result in results])
+    nis = score_nis(
+        tracks, predictions, [result.associations for result in results], [None] * len(results)
+    )
     np.testing.assert_array_equal(found.nis.squared, nis.squared)
     assert len(nis.squared) > 0
     assert nis.squared.max() <= nis.threshold
@@ -103,3 +105,43 @@ def test_root_mean_square_and_its_error():
     assert math.isnan(root_mean_square(np.zeros(3))[1])
     assert math.isnan(root_mean_square(np.array([4.0]))[1])
     assert math.isnan(root_mean_square(np.zeros(0))[0])
+
+
+def test_trees_have_the_innovations_of_the_leaf_that_speaks():
+    """Where nothing is ambiguous they are those of a decision by single scans, value by value."""
+    rng = np.random.default_rng(8)
+    found = []
+    for decision in ("map", "mht"):
+        rng = np.random.default_rng(8)
+        ring = Ring({"track_manager": {"decision": decision, "clutter_density_per_m_rad": 1e-9}})
+        results, truth = [], []
+        for k in range(12):
+            r = np.array([9e3, 3e4]) + 100.0 * k + rng.normal(0.0, 30.0, 2)
+            a = np.array([0.3, 1.2]) + rng.normal(0.0, 0.005, 2)
+            results.append(ring.process(Detections("radar", k * 4_000_000_000, r, a)))
+            truth.append(ScanTruth("radar", k * 4_000_000_000, np.zeros(0, dtype=np.int32)))
+        found.append(score_quality(results, truth, 400.0).nis)
+    assert len(found[0].squared) > 12
+    np.testing.assert_array_equal(found[1].scan, found[0].scan)
+    np.testing.assert_allclose(found[1].squared, found[0].squared, rtol=1e-9)
+
+
+def test_trees_in_clutter_have_an_nis_and_later_is_better():
+    recording = simulate(load_scenario("crossing_targets"), 4, 0, initiation="automatic")
+    ring = Ring(recording.preset)
+    assert ring.manager.parameters.decision == "mht"
+    ring.smoother = Smoother()
+    results = [ring.process(scan) for scan in recording.detections]
+    delayed = [told for result in results for told in result.delayed] + ring.rest_of_delayed()
+    found = score_quality(results, recording.truth, DISTANCE_M, delayed, ring.smoother.tracks())
+    assert len(found.nis.squared) > 20
+    assert 0.0 < found.nis.squared.max() <= found.nis.threshold
+    # Every value is the innovation of a row that was given its detection.
+    for scan, result in enumerate(results):
+        given = result.assigned[result.associations.hypothesis] == result.associations.detection
+        known = set(result.associations.mahalanobis_squared[given].tolist())
+        assert known >= set(found.nis.squared[found.nis.scan == scan].tolist())
+    online = found.continuity.position_rmse_m
+    assert found.smoothed_rmse_m < 0.9 * online
+    assert found.delayed_rmse_m < 0.9 * online
+    assert score_quality(results, recording.truth, DISTANCE_M).smoothed_rmse_m is math.nan

@@ -15,7 +15,7 @@ SETS = {
     "acceleration": {
         "imm_models": ["van_keuk", "singer"],
         "imm_switching": "acceleration",
-        "imm_acceleration_std_mps2": 3.0,
+        "imm_switching_acceleration_mps2": 3.0,
     },
 }
 

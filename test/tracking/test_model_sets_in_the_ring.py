@@ -41,7 +41,7 @@ class PlainFilter:
         stay = sojourn_transition(dt, self.p.imm_mean_sojourn_s)
         if self.p.imm_switching != "acceleration":
             return stay
-        q = self.p.imm_acceleration_std_mps2
+        q = self.p.imm_switching_acceleration_mps2
         e1, e2 = (np.exp(-0.5 * (m[4:6] @ m[4:6]) / q**2) for m in self.mean)
         p11, p22 = stay[0, 0] * e1, stay[1, 1] * (1.0 - e2)
         return np.array([[p11, 1.0 - p22], [1.0 - p11, p22]])

@@ -84,7 +84,7 @@ def pass_on(
         table = generation.table.select(rows[place])
         if step_back is not None:
             dt_s = (later.key.stamp_ns - generation.key.stamp_ns) / 1e9
-            table = _retrodicted(table, chosen, dt_s, step_back)
+            table = retrodicted(table, chosen, dt_s, step_back)
         if place < surplus:
             told.append(
                 tell(table, generation.key, generation.deleted_track_id, generation.degraded)
@@ -103,7 +103,7 @@ def tell_all(state: ManagerState, tell: Tell, step_back: StepBack | None) -> lis
     return [*told, tell(chosen, newest.key, newest.deleted_track_id, newest.degraded)]
 
 
-def _retrodicted(
+def retrodicted(
     table: HypothesisTable, later: HypothesisTable, dt_s: float, step_back: StepBack
 ) -> HypothesisTable:
     """The table with the states of those tracks that live in ``later`` retrodicted."""

@@ -79,6 +79,15 @@ class MotionParameters:
         maximum=1.0,
         advanced=True,
     )
+    imm_switching_acceleration_mps2: float = parameter(
+        5.0,
+        "imm_switching acceleration: below this acceleration of a target the first model is the "
+        "more probable one, above it the second",
+        unit="m/s2",
+        minimum=0.0,
+        minimum_excluded=True,
+        advanced=True,
+    )
     imm_correlation_time_s: float = parameter(
         20.0,
         "van_keuk and singer: time after which an acceleration has faded to 1/e",
@@ -89,8 +98,7 @@ class MotionParameters:
     )
     imm_acceleration_std_mps2: float = parameter(
         10.0,
-        "acceleration of a target that changes to a model which knows one, in each coordinate; "
-        "with imm_switching acceleration: measure of the largest",
+        "acceleration of a target that changes to a model which knows one, in each coordinate",
         unit="m/s2",
         minimum=0.0,
         minimum_excluded=True,
