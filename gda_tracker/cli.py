@@ -149,6 +149,28 @@ COMMANDS = {
           gda-tracker doctor --json
         """,
     ),
+    "why": Command(
+        "gda_tracker.commands.why",
+        "why a detection went to a track: the terms of each pair of a scan, in words",
+        """
+        Prints each pair of the track with a detection in its gate: Mahalanobis distance and gate,
+        kinematic and attribute term with what they are compared with, both together, probability,
+        the strongest rival, and what became of it (docs/why.md).
+
+          SCAN         number of the scan, from 0 as in the table of replay --tracks; a stamp in
+                       seconds with a point, or in nanoseconds; or last
+          TRACK        track id; without it all tracks of the scan, a line each
+          SOURCE       an association log (replay --offline --association-log), or a bag of all
+                       topics (replay --bag, run --bag, record); without it the tracker that runs,
+                       with SCAN last
+
+        examples:
+          gda-tracker replay my_bag --offline --association-log why.jsonl
+          gda-tracker why 12 3 why.jsonl
+          gda-tracker why 1716.250 3 recorded_bag
+          gda-tracker why last 3
+        """,
+    ),
     "params": Command(
         "gda_tracker.commands.params",
         "the parameters of a running tracker: list, get, set, save",
