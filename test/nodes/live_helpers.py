@@ -12,15 +12,21 @@ from gda_tracker.nodes.runner import Nodes
 @contextmanager
 def spinning(make, domain, arguments=None):
     """Spin nodes in a thread of their own; give them to the test."""
-    with Nodes(make, domain, arguments) as nodes:
-        done = threading.Event()
-        thread = threading.Thread(target=nodes.spin_until, args=(done.is_set,))
-        thread.start()
-        try:
-            yield nodes
-        finally:
-            done.set()
-            thread.join()
+    with Nodes(make, domain, arguments) as nodes, spinning_on(nodes):
+        yield nodes
+
+
+@contextmanager
+def spinning_on(nodes):
+    """Spin nodes that are there in a thread."""
+    done = threading.Event()
+    thread = threading.Thread(target=nodes.spin_until, args=(done.is_set,))
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
 
 
 def call(*arguments):
