@@ -17,7 +17,7 @@ from gda_tracker.attributes.class_terms import fault_of_transition, transition_m
 from gda_tracker.attributes.fusion import AttributeFusion, AttributeFusionParameters
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.kinematics.gating import GatedPairs, gate
-from gda_tracker.parameters import ParameterError, from_mapping
+from gda_tracker.parameters import ParameterError, from_mapping, specifications, to_mapping
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.smoothing import Smoother
@@ -105,13 +105,41 @@ class Ring:
         parameters: Mapping[str, Mapping[str, Any]] | None = None,
         associate: Associate | None = None,
     ) -> None:
-        tables = stage_parameters(parameters or {})
+        self._tables = tables = stage_parameters(parameters or {})
         self.manager = TrackManager(tables["track_manager"])
         self.fuzzifier = RcsFuzzifier(tables["rcs_fuzzifier"])
         self.fusion = AttributeFusion(tables["attribute_fusion"])
         # Keeps every scan, if somebody wants the tracks in the light of all of them.
         self.smoother: Smoother | None = None
         self.associate: Associate = associate or Associator(tables["association"])
+
+    def set_parameters(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
+        """Change live parameters ``{node: {name: value}}``, all or none; acts at the next scan.
+
+        An association that was given in place of the stage stays.
+
+        Raises
+        ------
+        ParameterError
+            For a parameter that is fixed at start-up, and as :func:`stage_parameters`.
+        """
+        for node, values in changes.items():
+            declared = specifications(STAGE_TABLES[node]) if node in STAGE_TABLES else {}
+            fixed = [name for name in values if name in declared and not declared[name].live]
+            if fixed:
+                raise ParameterError(f"parameter {fixed[0]} of {node}: fixed at start-up")
+        merged = {node: to_mapping(table) for node, table in self._tables.items()}
+        for node, values in changes.items():
+            merged[node] = {**merged.get(node, {}), **values}
+        self._tables = tables = stage_parameters(merged)
+        if "track_manager" in changes:
+            self.manager.set_parameters(tables["track_manager"])
+        if "rcs_fuzzifier" in changes:
+            self.fuzzifier = RcsFuzzifier(tables["rcs_fuzzifier"], self.fuzzifier.counters)
+        if "attribute_fusion" in changes:
+            self.fusion = AttributeFusion(tables["attribute_fusion"])
+        if "association" in changes and isinstance(self.associate, Associator):
+            self.associate = Associator(tables["association"])
 
     def initialise(self, initial: Tracks) -> ScanReport:
         """Start from labelled tracks."""
