@@ -86,7 +86,7 @@ class TrackManager:
         Rejected
             With the reason, if the scan is refused as a whole.
         """
-        p = self.parameters
+        p = self._at_the_door
         noise = DefaultNoise(
             p.range_std_m, p.azimuth_std_rad, p.elevation_std_rad, p.range_rate_std_mps
         )
@@ -113,7 +113,7 @@ class TrackManager:
         if waits or (self.opened is not None and self.opened.scan.key[1:] == key[1:]):
             self.counters["duplicate"] += 1
             return None
-        p = self.parameters
+        p = self._at_the_door
         try:
             if len(self._room) >= p.queue_depth:
                 raise Rejected("queue_full")
@@ -136,7 +136,7 @@ class TrackManager:
 
     def tell(self, statement: Statement) -> StatementReport:
         """Take a statement in for the next scan that is opened and not older than it."""
-        p, state = self.parameters, self.state
+        p, state = self._at_the_door, self.state
         table = state.table if self.opened is None else self.opened.table
         reason = ""
         try:
@@ -165,7 +165,7 @@ class TrackManager:
     @property
     def ready(self) -> bool:
         """Whether :meth:`open` has a scan to open."""
-        p = self._next_parameters or self.parameters
+        p = self._at_the_door
         order = ReorderWindow(
             round(p.reorder_window_s * 1e9), tuple(p.reorder_sensors), p.queue_depth
         )
@@ -185,6 +185,11 @@ class TrackManager:
         self._next_parameters = parameters
         if self.opened is None:
             self._apply_parameters()
+
+    @property
+    def _at_the_door(self) -> TrackManagerParameters:
+        """The newest parameters: what comes in while a scan is open belongs to the next one."""
+        return self._next_parameters or self.parameters
 
     def _apply_parameters(self) -> None:
         if self._next_parameters is not None:

@@ -131,3 +131,26 @@ def test_an_association_of_ones_own_stays():
     ring.set_parameters({"association": {"max_exact_size": 2}})
     assert ring.associate is associate
     assert ring.feed(crossing()[0])[0].report.outcome == "tracked"
+
+
+def test_what_comes_in_while_a_scan_is_open_is_judged_by_the_new_parameters():
+    """The noise of the next scan is given at the door, before the change is taken over."""
+    first, second, third = crossing()[:3]
+    noise = []
+    for change_while_open in (True, False):
+        ring = Ring({"track_manager": QUIET})
+        ring.feed(first)
+        if change_while_open:
+            ring.manager.admit(second)
+            ring.manager.open()
+        else:
+            ring.feed(second)
+        ring.set_parameters({"track_manager": {"range_std_m": 25.0}})
+        assert ring.manager.admit(third) is None
+        if change_while_open:
+            assert ring.manager.parameters.range_std_m == QUIET["range_std_m"]
+            ring.manager.give_up()
+        noise.append(ring.manager.open().scan.noise_covariance)
+        assert ring.manager.parameters.range_std_m == 25.0
+    assert np.array_equal(*noise)
+    assert np.array_equal(noise[0][:, 0, 0], np.full(len(noise[0]), 625.0))
