@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from gda_tracker_msgs import msg
 
 from gda_tracker.association.associate import AssociationParameters, Associator
@@ -15,6 +16,7 @@ from gda_tracker.io.messages import (
     scan_from_message,
 )
 from gda_tracker.nodes.base import spin_node
+from gda_tracker.nodes.figures import EngineFigures
 from gda_tracker.nodes.gating_stage import GatingNode
 from gda_tracker.nodes.scan_table import Inputs
 from gda_tracker.nodes.stage import Input
@@ -34,6 +36,7 @@ class AssociationNode(GatingNode):
     write = staticmethod(associations_to_message)
 
     def __init__(self, parameters: Mapping[str, Any] | None = None, **options: Any) -> None:
+        self._figures = EngineFigures()
         super().__init__("association", AssociationParameters, parameters, **options)
 
     def use_parameters(self, parameters: AssociationParameters) -> None:
@@ -66,6 +69,19 @@ class AssociationNode(GatingNode):
         return self._associator(
             scan, predictions, scores, pairs, groundwork if of_pairs is pairs else None
         )
+
+    def note(self, entry: Inputs, answer: Any) -> None:
+        """Note what the scan tells."""
+        self._figures.note(answer)
+
+    def figures(self) -> dict[str, Any]:
+        """What the last scans tell."""
+        return {**super().figures(), **self._figures.values()}
+
+    def health(self) -> tuple[int, str]:
+        """Say what is wrong with the joint probabilities."""
+        problem = self._figures.problem()
+        return (DiagnosticStatus.WARN, problem) if self.active and problem else super().health()
 
 
 def main(arguments: list[str] | None = None) -> int:

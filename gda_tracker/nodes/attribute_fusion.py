@@ -17,6 +17,7 @@ from gda_tracker.io.messages import (
     scan_from_message,
 )
 from gda_tracker.nodes.base import spin_node
+from gda_tracker.nodes.figures import FusionFigures
 from gda_tracker.nodes.gating_stage import GatingNode
 from gda_tracker.nodes.scan_table import Inputs
 from gda_tracker.nodes.stage import Input
@@ -39,6 +40,7 @@ class AttributeFusionNode(GatingNode):
     def __init__(self, parameters: Mapping[str, Any] | None = None, **options: Any) -> None:
         # The classes are known as soon as the fuzzifier has answered a scan.
         self._class_names: tuple[str, ...] = ()
+        self._figures = FusionFigures()
         super().__init__("attribute_fusion", AttributeFusionParameters, parameters, **options)
 
     def use_parameters(self, parameters: AttributeFusionParameters) -> None:
@@ -88,6 +90,14 @@ class AttributeFusionNode(GatingNode):
             pairs.detection,
             entry["scans"].statements,
         )
+
+    def note(self, entry: Inputs, answer: Any) -> None:
+        """Note what the scan tells."""
+        self._figures.note(answer)
+
+    def figures(self) -> dict[str, Any]:
+        """What the last scans tell."""
+        return {**super().figures(), **self._figures.values()}
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Any
 
 from gda_tracker.io.messages import MessageError
 from gda_tracker.nodes.base import STAGE_ERRORS, RingNode
+from gda_tracker.nodes.figures import Recent
 from gda_tracker.nodes.qualities import latched
 from gda_tracker.nodes.scan_table import Inputs, ScanTable
 from gda_tracker.nodes.services import offer
@@ -44,6 +46,7 @@ class StageNode(RingNode):
         )
         self._publisher: Any = None
         self._answered = 0
+        self._latency = Recent()
         self.use_parameters(self.parameters)
         offer(self, "reset", self._reset)
 
@@ -65,6 +68,9 @@ class StageNode(RingNode):
         """Compute the output from the inputs; a pure function of them and the parameters."""
         raise NotImplementedError
 
+    def note(self, entry: Inputs, answer: Any) -> None:
+        """Note figures for diagnostics, after the answer has gone."""
+
     def open_topics(self) -> None:
         """Open the latched topics."""
         self._publisher = self.advertise(self.output_message, self.output_topic, latched())
@@ -74,6 +80,7 @@ class StageNode(RingNode):
             )
 
     def _receive(self, item: Input, message: Any) -> None:
+        begun = time.perf_counter()
         try:
             value = item.read(message)
         except MessageError as error:
@@ -84,13 +91,17 @@ class StageNode(RingNode):
             self._prepare_early(item.topic, self._table_of_scans.peek(value.key))
             return
         try:
-            output = type(self).write(self.compute(entry))
+            answer = self.compute(entry)
+            output = type(self).write(answer)
         except STAGE_ERRORS as error:
             self.drop("failed", f"{type(error).__name__}: {error}")
             self.get_logger().debug(traceback.format_exc())
             return
         self._publisher.publish(output)
         self._answered += 1
+        # From the last input to the answer; what the stage waits for others does not count.
+        self._latency.note(time.perf_counter() - begun)
+        self.note(entry, answer)
 
     def _prepare_early(self, topic: str, entry: Inputs | None) -> None:
         if entry is None:
@@ -102,5 +113,5 @@ class StageNode(RingNode):
             self.get_logger().debug(traceback.format_exc())
 
     def figures(self) -> dict[str, Any]:
-        """Count of answers."""
-        return {"answered": self._answered}
+        """Count of answers, and how long they took."""
+        return {"answered": self._answered, **self._latency.milliseconds("latency")}

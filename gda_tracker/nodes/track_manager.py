@@ -29,6 +29,7 @@ from gda_tracker.io.messages import (
 )
 from gda_tracker.io.track_cdr import tracks_to_cdr
 from gda_tracker.nodes.base import STAGE_ERRORS, RingNode, spin_node
+from gda_tracker.nodes.figures import Recent, TrackingFigures
 from gda_tracker.nodes.qualities import latched, sensor, stream
 from gda_tracker.nodes.state_services import offer_state_services
 from gda_tracker.parameters import ParameterError
@@ -74,7 +75,9 @@ class TrackManagerNode(RingNode):
         self._retries = 0
         self._last_input: float | None = None
         self._sequences: dict[str, int] = {}
-        self._latency_s = 0.0
+        self._latency = Recent()
+        self._arrivals = Recent()
+        self._figures = TrackingFigures()
         offer_state_services(self)
 
     def use_parameters(self, parameters: TrackManagerParameters) -> None:
@@ -122,6 +125,7 @@ class TrackManagerNode(RingNode):
 
     def _on_detections(self, message: msg.DetectionArray) -> None:
         self._last_input = self.seconds()
+        self._arrivals.note(self._last_input)
         try:
             detections = detections_from_message(message)
         except MessageError as error:
@@ -247,6 +251,9 @@ class TrackManagerNode(RingNode):
             self.drop("inconsistent_answer", f"{type(error).__name__}: {error}")
             return
         self._closed(tracks, report, opened.admitted_at)
+        self._figures.note(
+            opened.scan, opened.predictions, opened.table.chosen, associations, tracks
+        )
 
     def _closed(self, tracks: Tracks, report: ScanReport, admitted_at: float) -> None:
         message = tracks_to_cdr(tracks)
@@ -255,8 +262,9 @@ class TrackManagerNode(RingNode):
         self._publish_delayed()
         self._save()
         self._tracks.publish(message)
-        self._latency_s = self.seconds() - admitted_at
-        self._report(replace(report, latency_s=self._latency_s, retries=retries))
+        latency_s = self.seconds() - admitted_at
+        self._latency.note(latency_s)
+        self._report(replace(report, latency_s=latency_s, retries=retries))
         self._advance()
 
     def _publish_delayed(self) -> None:
@@ -345,18 +353,27 @@ class TrackManagerNode(RingNode):
         age = self.seconds() - self._last_input
         if age > p.stale_after_s:
             return DiagnosticStatus.WARN, f"stale: last detections {age:.0f} s ago"
-        return DiagnosticStatus.OK, "tracking"
+        if self.manager.waiting > p.queue_depth // 2:
+            return (
+                DiagnosticStatus.WARN,
+                f"{self.manager.waiting} scans wait: they come faster than they are worked off",
+            )
+        problem = self._figures.problem()
+        return (DiagnosticStatus.WARN, problem) if problem else (DiagnosticStatus.OK, "tracking")
 
     def figures(self) -> dict[str, Any]:
         """Key figures of the tracker."""
         state = self.manager.state
+        rate_hz = self._arrivals.rate_hz(self.seconds())
         return {
             "tracks": int(state.table.chosen.sum()),
             "hypotheses": len(state.table),
             "scans_closed": state.scans_closed,
             "queue_length": self.manager.waiting,
             "statements_waiting": len(state.desk.waiting),
-            "latency_ms": round(1e3 * self._latency_s, 3),
+            "rate_hz": "unknown" if rate_hz is None else round(rate_hz, 2),
+            **self._latency.milliseconds("latency"),
+            **self._figures.values(),
             "decision": self.manager.parameters.decision,
             "attribute_term": self.manager.parameters.attribute_term,
             "input_age_s": (

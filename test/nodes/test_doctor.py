@@ -121,6 +121,13 @@ def test_a_ring_that_tracks_has_nothing_wrong(domain, doctor):
     assert record["inputs"]["/detections"]["publishers"] == ["/driver"]
     assert record["inputs"]["/detections"]["rate_hz"] == pytest.approx(1 / PERIOD_S, rel=0.5)
     assert record["scans_answered"] > 3
+    told = record["diagnostics"]
+    assert {"rate_hz", "input_age_s", "nis_mean", "conflict_mean"} <= set(told["/track_manager"])
+    assert float(told["/rcs_fuzzifier"]["attribute_used_share"]) == 1.0
+    assert "pair_conflict_mean" in told["/attribute_fusion"]
+    assert told["/association"]["engines"] != "none"
+    for values in told.values():
+        assert 0.0 < float(values["latency_ms_p50"]) <= float(values["latency_ms_p95"])
     assert [f["subject"] for f in found["discovery_localhost"]] == ["ROS_AUTOMATIC_DISCOVERY_RANGE"]
 
 
