@@ -1,0 +1,157 @@
+"""Every live parameter of ``radar_input`` acts on the next message of the radar."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
+
+from gda_tracker.io.bag_types import serialize
+from gda_tracker.io.messages import detections_from_message
+from gda_tracker.io.radar.input_parameters import POINT_CLOUD, RadarInputParameters
+from gda_tracker.io.radar.point_cloud import point_cloud_of_columns
+from gda_tracker.nodes.radar_input import RadarInputNode
+from gda_tracker.nodes.runner import Nodes, private_environment, use_environment
+from gda_tracker.parameters import specifications
+
+GROUPED = {"cluster_distance_m": 3.0}
+MOVING = {"sensor_motion": "declared", "range_rate_reference": "ground"}
+DBSM = {"rcs_unit": "dbsm"}
+CARTESIAN = {"position_source": "cartesian"}
+
+# The new value, and what holds from the beginning.
+CASES = {
+    "stamp_source": ("received", {}),
+    "position_source": ("cartesian", {}),
+    "field_names": (["range=x"], {}),
+    "field_types": (["rcs=int32"], DBSM),
+    "angle_unit": ("deg", {}),
+    "azimuth_sign": (-1, {}),
+    "azimuth_zero_deg": (90.0, {}),
+    "cartesian_yaw_deg": (90.0, CARTESIAN),
+    "elevation_used": (False, {}),
+    "range_rate_sign": (-1, {}),
+    "range_rate_used": (False, {}),
+    "sensor_speed_mps": (5.0, MOVING),
+    "sensor_speed_left_mps": (5.0, MOVING),
+    "sensor_motion": ("estimated", {**MOVING, "sensor_speed_mps": 3.0}),
+    "range_rate_reference": ("ground", {"sensor_speed_mps": 5.0}),
+    "rcs_unit": ("m2", DBSM),
+    "rcs_scale": (0.5, DBSM),
+    "rcs_offset": (3.0, DBSM),
+    "rcs_minimum": (2.0, DBSM),
+    "rcs_maximum": (2.0, DBSM),
+    "attribute_fields": (["snr_db=snr"], {}),
+    "minimum_range_m": (20.0, {}),
+    "maximum_range_m": (20.0, {}),
+    "minimum_snr_db": (8.0, {}),
+    "moving_above_mps": (3.0, {}),
+    "padding_zeros": (True, {"minimum_range_m": 0.0}),
+    "cluster_distance_m": (3.0, {}),
+    "cluster_range_rate_mps": (0.01, GROUPED),
+    "cluster_minimum_points": (2, GROUPED),
+    "cluster_extent_m": (2.0, GROUPED),
+    "cluster_range_rate_std_mps": (2.0, GROUPED),
+}
+FIELDS = ("x", "y", "z", "range", "azimuth", "elevation", "range_rate", "rcs", "snr")
+
+
+def columns():
+    """Twelve points of four objects, one point of padding."""
+    rng = np.random.default_rng(4)
+    centre = np.repeat([[10.0, 1.0], [14.0, -6.0], [30.0, 12.0], [50.0, -20.0]], 3, axis=0)
+    x, y = (centre + rng.normal(0.0, 0.3, centre.shape)).T
+    x[0] = 60.0  # alone
+    z = rng.normal(0.0, 0.2, 12)
+    found = {
+        "x": x,
+        "y": y,
+        "z": z,
+        "range": np.sqrt(x**2 + y**2 + z**2),
+        "azimuth": np.arctan2(y, x),
+        "elevation": np.arctan2(z, np.hypot(x, y)),
+        "range_rate": rng.normal(0.0, 4.0, 12) - 2.0 * np.cos(np.arctan2(y, x)),
+        "rcs": rng.uniform(1.0, 12.0, 12),
+        "snr": rng.uniform(5.0, 20.0, 12),
+    }
+    return {name: np.append(values, 0.0) for name, values in found.items()}
+
+
+def cloud(stamp_ns):
+    types = dict.fromkeys(FIELDS, "float32")
+    message = point_cloud_of_columns(columns(), types, stamp_ns, "radar")
+    return deserialize_message(serialize(message), PointCloud2)
+
+
+class Kept:
+    """Stands in for the publisher."""
+
+    def __init__(self):
+        self.messages = []
+
+    def publish(self, message):
+        self.messages.append(detections_from_message(message))
+
+
+@pytest.fixture(scope="module")
+def radar():
+    """The node, with what it publishes kept, in a domain of its own."""
+    use_environment(private_environment())
+    with Nodes(lambda **o: [RadarInputNode({"input_type": POINT_CLOUD}, **o)]) as nodes:
+        (node,) = nodes.nodes
+        publisher, node._detections = node._detections, Kept()
+        yield node
+        node._detections = publisher
+
+
+def set_all(radar, values):
+    """Set values, all others to their defaults."""
+    declared = specifications(RadarInputParameters)
+    live = {name: item.default for name, item in declared.items() if item.live}
+    kinds = {float: Parameter.Type.DOUBLE, str: Parameter.Type.STRING_ARRAY}
+    parameters = []
+    for name, value in {**live, **values}.items():
+        kind = kinds[declared[name].element_kind] if declared[name].is_list else None
+        parameters.append(Parameter(name, kind, value))
+    result = radar.set_parameters_atomically(parameters)
+    assert result.successful, result.reason
+
+
+def plain(detections):
+    """Everything but the stamp and the number, to compare bit for bit."""
+    found = {}
+    for name in detections.__slots__:
+        value = getattr(detections, name)
+        if name not in ("stamp_ns", "sequence"):
+            found[name] = value.tobytes() if isinstance(value, np.ndarray) else value
+    return found
+
+
+def send(radar):
+    """What the node makes of the next message, and its stamp's distance from the driver's."""
+    count = len(radar._detections.messages)
+    stamp_ns = 10**18 + count * 10**9
+    radar._on_message(cloud(stamp_ns))
+    (found,) = radar._detections.messages[count:]
+    return plain(found), found.stamp_ns - stamp_ns
+
+
+def test_every_live_parameter_has_a_case():
+    declared = specifications(RadarInputParameters)
+    assert sorted(CASES) == sorted(name for name, item in declared.items() if item.live)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_change_acts_on_the_next_message(name, radar):
+    value, base = CASES[name]
+    set_all(radar, base)
+    before, again = send(radar), send(radar)
+    assert before == again
+    set_all(radar, {**base, name: value})
+    after = send(radar)
+    assert after != before, f"{name} = {value} changes nothing"
+    assert (after[1] != 0) == (name == "stamp_source")
+    set_all(radar, base)
+    assert send(radar) == before
