@@ -12,13 +12,16 @@ import pytest
 
 import gda_tracker
 from gda_tracker.cli import main
+from gda_tracker.io.parameter_files import known_tables
 from gda_tracker.nodes.diagnosis import environment
 from gda_tracker.nodes.diagnosis.environment import (
     busy_domains,
     environment_findings,
     unusable,
 )
+from gda_tracker.nodes.diagnosis.explanations import EXPLANATIONS
 from gda_tracker.nodes.diagnosis.findings import ERROR, NOTE, WARNING, Finding, by_level
+from gda_tracker.parameters import specifications
 from gda_tracker.resources import resource
 
 
@@ -162,3 +165,24 @@ def test_the_page_names_every_finding():
         found.update(re.findall(r'(?:ERROR|WARNING|NOTE|level),\s+"(\w+)",', path.read_text()))
     assert len(found) > 40
     assert {name for name in found if f"`{name}`" not in page} == set()
+
+
+def test_the_commands_that_change_parameters_are_allowed():
+    declared = {
+        name: item for t in known_tables().values() for name, item in specifications(t).items()
+    }
+    told = 0
+    for explained in EXPLANATIONS.values():
+        _, found, words = explained.fix.partition("gda-tracker params set ")
+        for name, value in re.findall(r"(\w+)=([^\s,;)]+)", words if found else ""):
+            assert declared[name].live, name
+            if value != "...":
+                kind = declared[name].element_kind
+                item = value == "true" if kind is bool else value if kind is str else float(value)
+                assert declared[name].check(item) == item
+            told += 1
+    assert told > 15
+    folder = Path(gda_tracker.__file__).parent / "nodes" / "diagnosis"
+    for path in folder.glob("*.py"):
+        for name in re.findall(r"params set (\w+)=", path.read_text()):
+            assert declared[name].live

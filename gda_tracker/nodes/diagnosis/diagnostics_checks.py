@@ -31,8 +31,8 @@ def _health(node: str, status: Status) -> Iterator[Finding]:
             "diagnostics",
             node,
             f"says: {status.text}",
-            "it knows best",
-            "ros2 topic echo /diagnostics shows all of its figures",
+            "the node's own judgement of its input and its figures (docs/live.md)",
+            "gda-tracker doctor --json, or ros2 topic echo /diagnostics, for all of its figures",
         )
 
 
