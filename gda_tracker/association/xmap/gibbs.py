@@ -25,9 +25,8 @@ from gda_tracker.association.xmap.object_count import (
     log_gamma0,
 )
 from gda_tracker.association.xmap.object_density import log_object_density
-from gda_tracker.association.xmap.partitions import canonical, clusters_of
+from gda_tracker.association.xmap.partitions import canonical
 from gda_tracker.association.xmap.positions import (
-    association_sums,
     bias_layout,
     centred,
     cluster_terms,
@@ -96,22 +95,21 @@ class Sampler:
     ) -> tuple[FloatArray, FloatArray]:
         """Draw the centre (d,) and what to add to each position (M, d), given the association."""
         dimension = self._positions.shape[1]
-        clusters = clusters_of(labels[None], self._model.sizes)
         terms = cluster_terms(
-            clusters.flags(self._model.sizes),
+            (np.arange(labels.max() + 1)[:, None] == labels).astype(np.float64),
             self._precisions[:, None],
             self._positions[:, None],
             self._variable_of,
             self._model.prior_covariance,
         )
-        rows, vector = association_sums(clusters.incidence, terms, self._layout)
-        matrix = np.zeros((len(rows), len(rows)))
-        for k, row in enumerate(rows):
-            matrix[k, k:] = row[:, 0, 0]
+        size = len(terms.matrix)
+        matrix = np.zeros((size, size))
+        for k, row in enumerate(terms.matrix):
+            matrix[k, k:] = row.sum(axis=1)[:, 0]
+        matrix[dimension:, dimension:] += self._layout.prior_precision
         factor = scipy.linalg.cholesky(matrix)  # upper: matrix = factor' factor
-        half = scipy.linalg.solve_triangular(factor, vector[:, 0, 0], trans="T")
-        noise = rng.standard_normal(len(rows))
-        drawn = scipy.linalg.solve_triangular(factor, half + noise)
+        half = scipy.linalg.solve_triangular(factor, terms.vector.sum(axis=1)[:, 0], trans="T")
+        drawn = scipy.linalg.solve_triangular(factor, half + rng.standard_normal(size))
         centre = self._model.prior_covariance @ drawn[:dimension]
         relative = np.vstack([drawn[dimension:].reshape(-1, dimension), np.zeros(dimension)])
         return centre, relative[self._variable_of]
@@ -124,7 +122,7 @@ class Sampler:
         objects = int(labels.max()) + 1
         by_number = self._gamma0[objects - np.arange(len(candidates) + 1)]
         odds = self._false_alarm[self._sensor_of[candidates]]
-        flags[candidates] = draw_conditional_bernoulli(odds, by_number, rng) == 1
+        flags[candidates] = draw_conditional_bernoulli(odds, by_number, rng)
         return flags
 
     def update(
@@ -160,8 +158,7 @@ class Sampler:
         labels[left] = len(labels) + np.arange(len(left))
         false_alarms[block] = False
         by_number = self._gamma0[len(real) + len(left) - np.arange(len(left) + 1)]
-        flags = draw_conditional_bernoulli(np.full(len(left), odds), by_number, rng)
-        false_alarms[left] = flags == 1
+        false_alarms[left] = draw_conditional_bernoulli(np.full(len(left), odds), by_number, rng)
         # Small numbers again: labels are used as indices.
         return np.unique(labels, return_inverse=True)[1].reshape(-1), false_alarms
 

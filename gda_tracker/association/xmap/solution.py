@@ -13,14 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gda_tracker.association.xmap.gibbs import Visited, sample_chains
+from gda_tracker.association.xmap.gibbs import sample_chains
 from gda_tracker.association.xmap.json_values import ProblemError
 from gda_tracker.association.xmap.model import SensorData, SensorModel
+from gda_tracker.association.xmap.neighbours import explore
 from gda_tracker.association.xmap.partitions import association_count, enumerate_associations
 from gda_tracker.association.xmap.posterior import BiasPosterior, bias_posterior
 from gda_tracker.association.xmap.scoring import log_weights, probabilities, structure_of
 from gda_tracker.association.xmap.starts import drawn_starts, fitted_associations
-from gda_tracker.vocabulary.arrays import FloatArray, IntArray
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 AUTO = "auto"
 ENUMERATION = "enumeration"
@@ -42,14 +43,14 @@ class Sampling:
     sweeps
         Times that each chain draws every sensor anew, at most.
     chains
-        Number of chains, 2 or more: they check each other.
+        Number of chains, even: each half checks the other.
     seed
         Of the random numbers.
     time_limit_s
         No sweep begins after it.
     """
 
-    sweeps: int = 200
+    sweeps: int = 100
     chains: int = 4
     seed: int = 0
     time_limit_s: float = np.inf
@@ -148,11 +149,20 @@ def _sampled(model: SensorModel, data: SensorData, sampling: Sampling) -> Soluti
     samples = sample_chains(
         model, data, starts, sampling.sweeps, sampling.seed, sampling.time_limit_s
     )
-    labels = np.unique(np.concatenate([samples.labels, candidates]), axis=0)
-    share = probabilities(log_weights(model, data, structure_of(model, labels)))[:, 0]
-    fresh = fresh_samples(samples)
+    # Each half of the chains is judged by what the other half found.
+    halves = [samples.chain % 2 == k for k in (0, 1)]
+    fresh = np.ones(len(samples.labels), dtype=np.bool_)
+    explored = []
+    for mine, others in zip(halves, reversed(halves), strict=True):
+        found, weight = explore(model, data, np.concatenate([samples.labels[mine], candidates]))
+        fresh[others] = ~is_among(samples.labels[others], found)
+        explored.append((found, weight))
+    together = np.concatenate([found for found, _ in explored])
+    labels, first = np.unique(together, axis=0, return_index=True)
+    weight = np.concatenate([weights for _, weights in explored])[first]
+    share = probabilities(weight[:, None])[:, 0]
     covered = 1.0 - float(fresh.mean())
-    # What was visited is known exactly; the rest of the mass is like the samples that were new.
+    # What was found is known exactly; the rest of the mass is like the samples that were new.
     pairs = pair_probabilities(labels, share)
     if fresh.any():
         new = samples.labels[fresh]
@@ -164,15 +174,10 @@ def _sampled(model: SensorModel, data: SensorData, sampling: Sampling) -> Soluti
     return Solution(labels, covered * share, pairs, bias, covered, GIBBS)
 
 
-def fresh_samples(samples: Visited) -> np.ndarray:
-    """(S,) samples whose association no other chain visited.
-
-    For the other chains a sample is a draw from the exact probability that they had no part in: the
-    share of such draws that they miss estimates the probability that they have not covered, and
-    together the chains cover more.
-    """
-    _, number = np.unique(samples.labels, axis=0, return_inverse=True)
+def is_among(labels: IntArray, known: IntArray) -> BoolArray:
+    """(S,) whether rows of labels (S, M) are among the known ones (K, M)."""
+    _, number = np.unique(np.concatenate([known, labels]), axis=0, return_inverse=True)
     number = number.reshape(-1)
-    visits = np.zeros((number.max() + 1, samples.chain.max() + 1), dtype=np.bool_)
-    visits[number, samples.chain] = True
-    return np.asarray(visits.sum(axis=1)[number] < 2)
+    present = np.zeros(number.max() + 1, dtype=np.bool_)
+    present[number[: len(known)]] = True
+    return np.asarray(present[number[len(known) :]])

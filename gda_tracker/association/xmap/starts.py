@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from gda_tracker.association.xmap.model import SensorData, SensorModel
 from gda_tracker.association.xmap.partitions import canonical
+from gda_tracker.association.xmap.positions import inverses
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 
 MAX_FITS = 300
@@ -65,11 +66,12 @@ def _fits(
     """(gain, partner of each of the other's measurements) of each shift, best first."""
     shifts = [positions[i] - positions[j] for i in root for j in other]
     shifts.append(np.zeros(positions.shape[1]))
+    # One inverse per pair serves all shifts.
+    precision = inverses(covariances[other][:, None] + covariances[root])
     fits = []
     for shift in shifts:
         difference = positions[other][:, None] + shift - positions[root]
-        together = covariances[other][:, None] + covariances[root]
-        distance = (difference * np.linalg.solve(together, difference[..., None])[..., 0]).sum(-1)
+        distance = np.einsum("jki,jkil,jkl->jk", difference, precision, difference)
         gain = np.maximum(GATE - distance, 0.0)
         row, column = linear_sum_assignment(gain, maximize=True)
         partner = np.full(len(other), -1)

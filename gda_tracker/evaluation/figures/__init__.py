@@ -19,6 +19,7 @@ from gda_tracker.evaluation.figures.flow import (
 )
 from gda_tracker.evaluation.figures.maps import association_maps, track_map
 from gda_tracker.evaluation.figures.quality import consistency_course, set_distance_course
+from gda_tracker.evaluation.figures.reliability import reliability
 from gda_tracker.evaluation.figures.scores import latency_histograms, paired_purity
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "paired_purity",
     "pignistic_entropies",
     "png",
+    "reliability",
     "require_matplotlib",
     "set_distance_course",
     "track_map",
