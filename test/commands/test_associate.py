@@ -5,7 +5,9 @@ from __future__ import annotations
 import copy
 import io
 import json
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -335,3 +337,23 @@ def test_enumeration_that_is_too_large_is_refused(associate):
 def test_a_file_that_cannot_be_read(tmp_path, capsys):
     assert main(["associate", str(tmp_path / "none.json")]) == 2
     assert "cannot be read" in capsys.readouterr().err
+
+
+def test_the_page_in_docs_is_true(associate):
+    page = Path(__file__).parents[2].joinpath("docs", "cross-sensor-association.md")
+    asked, answered = re.findall(r"```json\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    answer, shown = solved(associate(asked, "--top", "2")), json.loads(answered)
+    assert answer.keys() == shown.keys()
+    for ours, theirs in zip(answer["associations"], shown["associations"], strict=True):
+        assert ours["objects"] == theirs["objects"]
+        assert ours["probability"] == pytest.approx(theirs["probability"], rel=1e-9)
+    np.testing.assert_allclose(answer["bias"][1]["mean"], shown["bias"][1]["mean"], rtol=1e-9)
+
+
+def test_help_names_the_whole_schema(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["associate", "--help"])
+    assert end.value.code == 0
+    shown = capsys.readouterr().out
+    for key in (*PLAIN, *EXAMPLE, *PLAIN["sensors"][0], "bias_mean", "covered"):
+        assert key in shown

@@ -200,7 +200,8 @@ def test_the_command_writes_tables_picture_and_rows(tmp_path, capsys):
 
 
 def test_the_command_fails_where_the_probabilities_do(capsys):
-    assert main(["calibrate", "ferry", "--runs", "200", "--workers", "1", "--variant", JUMP_IGNORED]) == 1
+    options = ["--runs", "200", "--workers", "1", "--variant", JUMP_IGNORED]
+    assert main(["calibrate", "ferry", *options]) == 1
     assert "NOT calibrated" in capsys.readouterr().out
 
 

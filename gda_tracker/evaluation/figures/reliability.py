@@ -31,7 +31,13 @@ def reliability(tally: Tally, title: str) -> Any:
         above.errorbar(
             mean[shown],
             share[shown],
-            2.0 * spread[shown],
+            # Bars end within the axes: the logarithm of odds ends at 0 and 1.
+            np.stack(
+                [
+                    np.minimum(2.0 * spread, 0.999 * share)[shown],
+                    np.minimum(2.0 * spread, 0.999 * (1.0 - share))[shown],
+                ]
+            ),
             fmt="o",
             ms=5,
             color=colour(0),
