@@ -50,7 +50,7 @@ class Sampling:
         No sweep begins after it.
     """
 
-    sweeps: int = 100
+    sweeps: int = 60
     chains: int = 4
     seed: int = 0
     time_limit_s: float = np.inf
