@@ -18,6 +18,7 @@ NODES = (
     "evaluator",
     "recorder",
     "radar_input",
+    "track_output",
 )
 
 

@@ -29,6 +29,7 @@ NODES = (
     "recorder",
     "scan_source",
     "track_manager",
+    "track_output",
 )
 
 

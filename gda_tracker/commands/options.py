@@ -12,6 +12,8 @@ from gda_tracker.tracking.ring import stage_parameters
 
 # Node whose parameters say what the fields of a radar mean; the four nodes do not know it.
 RADAR_INPUT = "radar_input"
+# Node that gives tracks out in the formats of others.
+TRACK_OUTPUT = "track_output"
 
 Parameters = dict[str, dict[str, Any]]
 
@@ -66,6 +68,7 @@ def gather_parameters(
         for node, values in read_parameter_file(params).items():
             merged[node] = {**merged.get(node, {}), **values}
     merged.pop(RADAR_INPUT, None)
+    merged.pop(TRACK_OUTPUT, None)
     if method is not None:
         merged["track_manager"] = {**merged.get("track_manager", {}), **parse_method(method)}
     stage_parameters(merged)
@@ -80,8 +83,19 @@ def radar_input_of_file(params: Path | None) -> dict[str, Any] | None:
     ParameterError
         As :func:`gather_parameters`.
     """
+    return node_of_file(params, RADAR_INPUT)
+
+
+def node_of_file(params: Path | None, node: str) -> dict[str, Any] | None:
+    """Parameters of one node in a file, ``None`` if it says nothing about it.
+
+    Raises
+    ------
+    ParameterError
+        As :func:`gather_parameters`.
+    """
     if params is None:
         return None
     from gda_tracker.io.parameter_files import read_parameter_file
 
-    return read_parameter_file(params).get(RADAR_INPUT)
+    return read_parameter_file(params).get(node)

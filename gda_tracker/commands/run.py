@@ -8,14 +8,18 @@ import time
 
 from gda_tracker.commands.options import (
     RADAR_INPUT,
+    TRACK_OUTPUT,
     Parameters,
     add_parameter_options,
     add_preset_option,
     gather_parameters,
+    node_of_file,
     radar_input_of_file,
 )
 from gda_tracker.errors import UserError
+from gda_tracker.tracking.ring import STAGE_TABLES
 
+OUTPUTS = ("radar_tracks", "detections_3d", "tracked_objects")
 RESTART_WINDOW_S = 60.0
 RESTARTS_ALLOWED = 5
 # To guess the preset: wait for a first message, then look for so long.
@@ -29,6 +33,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TOPIC",
         help="topic of a radar's driver: PointCloud2, RadarScan or RadarTracks; without it the "
         "topic detections is read",
+    )
+    parser.add_argument(
+        "--output",
+        action="append",
+        default=[],
+        choices=OUTPUTS,
+        metavar="FORMAT",
+        help="give tracks out on a topic of this name too, may be repeated: radar_tracks "
+        "(radar_msgs/RadarTracks), detections_3d (vision_msgs/Detection3DArray), tracked_objects "
+        "(autoware_perception_msgs/TrackedObjects); what the classes are called stands in "
+        "parameters of node track_output",
     )
     add_preset_option(parser)
     add_parameter_options(parser)
@@ -45,12 +60,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="keep the tracker's state in FILE, so that a restart goes on where it stopped",
     )
+    parser.add_argument(
+        "--use-sim-time",
+        action="store_true",
+        help="time comes on /clock, e.g. of a bag or simulator",
+    )
     parser.add_argument("--bag", metavar="FOLDER", help="record all topics into an MCAP bag")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run until Ctrl-C."""
     parameters = _parameters(args)
+    if args.use_sim_time:
+        for node in {*STAGE_TABLES, *parameters}:
+            parameters[node] = {**parameters.get(node, {}), "use_sim_time": True}
     if args.checkpoint:
         parameters.setdefault("track_manager", {})["checkpoint_path"] = args.checkpoint
     from rclpy.executors import ExternalShutdownException
@@ -77,6 +100,7 @@ def _parameters(args: argparse.Namespace) -> Parameters:
     """
     from gda_tracker.io.parameter_files import read_preset
     from gda_tracker.io.radar.input_parameters import RadarInputParameters
+    from gda_tracker.io.track_output_parameters import TrackOutputParameters
     from gda_tracker.parameters import from_mapping
 
     of_file = radar_input_of_file(args.params)
@@ -86,9 +110,16 @@ def _parameters(args: argparse.Namespace) -> Parameters:
         print(f"gda-tracker run: preset {name}, guessed from the fields of {args.input}")
     preset = read_preset(name) if name else {}
     parameters = gather_parameters(args.params, args.method, preset, preset_is_base=True)
+    of_output = {**(node_of_file(args.params, TRACK_OUTPUT) or {}), **{n: n for n in args.output}}
+    if any(of_output.get(name) for name in OUTPUTS):
+        from_mapping(TrackOutputParameters, of_output)
+        parameters[TRACK_OUTPUT] = of_output
     if not args.input:
         return parameters
     of_radar = {**preset.get(RADAR_INPUT, {}), **(of_file or {}), "input_topic": args.input}
+    frame = parameters.get("track_manager", {}).get("tracking_frame")
+    if frame is not None:
+        of_radar.setdefault("tracking_frame", frame)
     from_mapping(RadarInputParameters, of_radar)
     return {**parameters, RADAR_INPUT: of_radar}
 
@@ -110,24 +141,38 @@ def _guessed_preset(topic: str) -> str:
     return found
 
 
-def _recorder(bag: str | None, **options: object) -> list[object]:
+def _recorder(parameters: Parameters, bag: str | None, **options: object) -> list[object]:
     if not bag:
         return []
+    from gda_tracker.io.track_outputs import FORMATS
     from gda_tracker.nodes.recorder import RecorderNode
 
-    return [RecorderNode({"bag": bag}, **options)]
+    of_output = parameters.get(TRACK_OUTPUT, {})
+    also = [
+        f"{of_output[name]}={kind}" for name, (kind, _) in FORMATS.items() if of_output.get(name)
+    ]
+    return [RecorderNode({"bag": bag, "also": also}, **options)]
 
 
-def _radar_input(parameters: Parameters, **options: object) -> list[object]:
-    if RADAR_INPUT not in parameters:
-        return []
-    from gda_tracker.nodes.radar_input import RadarInputNode
+def _beside_the_ring(parameters: Parameters, **options: object) -> list[object]:
+    """Input and output, as far as they are asked for."""
+    found: list[object] = []
+    if RADAR_INPUT in parameters:
+        from gda_tracker.nodes.radar_input import RadarInputNode
 
-    return [RadarInputNode(parameters[RADAR_INPUT], **options)]
+        found.append(RadarInputNode(parameters[RADAR_INPUT], **options))
+    if TRACK_OUTPUT in parameters:
+        from gda_tracker.nodes.track_output import TrackOutputNode
+
+        found.append(TrackOutputNode(parameters[TRACK_OUTPUT], **options))
+    return found
 
 
 def _what(parameters: Parameters) -> str:
-    return "four nodes and the radar input" if RADAR_INPUT in parameters else "four nodes"
+    names = {RADAR_INPUT: "the radar input", TRACK_OUTPUT: "the track output"}
+    return " and ".join(
+        ["four nodes", *(text for node, text in names.items() if node in parameters)]
+    )
 
 
 def _waits(parameters: Parameters) -> str:
@@ -143,8 +188,8 @@ def _run_nodes(parameters: Parameters, remap: list[str], bag: str | None) -> int
     def make(**options: object) -> list[object]:
         return [
             *stage_nodes(parameters, **options),
-            *_radar_input(parameters, **options),
-            *_recorder(bag, **options),
+            *_beside_the_ring(parameters, **options),
+            *_recorder(parameters, bag, **options),
         ]
 
     with Nodes(make, arguments=arguments) as nodes:
@@ -173,7 +218,8 @@ def _run_processes(parameters: Parameters, remap: list[str], bag: str | None) ->
             )
             ring.start(stage)
 
-    stages = (*STAGES, RADAR_INPUT) if RADAR_INPUT in parameters else STAGES
+    beside = [node for node in (RADAR_INPUT, TRACK_OUTPUT) if node in parameters]
+    stages = (*STAGES, *beside)
     with RingProcesses(parameters, arguments=remap, stages=stages) as ring:
         print(f"gda-tracker run: {len(stages)} processes, {_waits(parameters)}")
         sys.stdout.flush()
@@ -181,7 +227,7 @@ def _run_processes(parameters: Parameters, remap: list[str], bag: str | None) ->
             if bag:
                 arguments = ["--ros-args", *remap] if remap else None
                 with Nodes(
-                    lambda **options: _recorder(bag, **options), arguments=arguments
+                    lambda **options: _recorder(parameters, bag, **options), arguments=arguments
                 ) as nodes:
                     nodes.spin_until(lambda: not nodes.context.ok(), watch=watch)
             else:

@@ -34,6 +34,8 @@ OF_EVERY_NODE = ("autostart", "use_sim_time", "start_type_description_service", 
 
 # The node that makes detections of what a radar publishes.
 RADAR_INPUT = "radar_input"
+# The node that gives tracks out in the formats of others.
+TRACK_OUTPUT = "track_output"
 
 Values = dict[str, dict[str, Any]]
 
@@ -50,10 +52,15 @@ def stage_tables() -> dict[str, type]:
 
 
 def known_tables() -> dict[str, type]:
-    """Return the tables that a parameter file may hold: the four nodes' and the radar's."""
+    """Return the tables that a parameter file may hold: those of the ring, its input and output."""
     from gda_tracker.io.radar.input_parameters import RadarInputParameters
+    from gda_tracker.io.track_output_parameters import TrackOutputParameters
 
-    return {**stage_tables(), RADAR_INPUT: RadarInputParameters}
+    return {
+        **stage_tables(),
+        RADAR_INPUT: RadarInputParameters,
+        TRACK_OUTPUT: TrackOutputParameters,
+    }
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -67,8 +74,7 @@ def read_parameter_file(path: str | Path, tables: Mapping[str, type] | None = No
     path
         YAML file.
     tables
-        Parameter tables of the nodes that may occur; by default the four of the ring and the radar
-        input.
+        Parameter tables of the nodes that may occur; by default those of :func:`known_tables`.
 
     Returns
     -------

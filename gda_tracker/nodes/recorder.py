@@ -11,10 +11,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from gda_tracker_msgs import msg
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from gda_tracker.io.bag_types import message_class
 from gda_tracker.io.bags import BagTopic, BagWriter
 from gda_tracker.nodes.base import RingNode, spin_node
 from gda_tracker.nodes.qualities import latched, sensor, stream
-from gda_tracker.parameters import parameter
+from gda_tracker.parameters import ParameterError, parameter
 
 FLUSH_PERIOD_S = 2.0
 
@@ -42,6 +43,21 @@ class RecorderParameters:
     """Where to record."""
 
     bag: str = parameter("gda_tracker_bag", "folder of the bag; must not exist", live=False)
+    also: list[str] = parameter(
+        [],
+        "further topics as topic=type, e.g. tracked_objects="
+        "autoware_perception_msgs/msg/TrackedObjects; their packages must be installed",
+        live=False,
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse what is no topic and type."""
+        for entry in self.also:
+            topic, _, kind = entry.partition("=")
+            if not topic or kind.count("/") != 2:
+                raise ParameterError(
+                    f"parameter also: {entry!r}, allowed are entries topic=package/msg/Name"
+                )
 
 
 class RecorderNode(RingNode):
@@ -55,7 +71,7 @@ class RecorderNode(RingNode):
     def open_topics(self) -> None:
         """Subscribe to everything."""
         assert self._writer is not None
-        for topic, (message, quality) in TOPICS.items():
+        for topic, (message, quality) in {**TOPICS, **self._further()}.items():
             name = self.resolve_topic_name(topic)
             kept = quality.durability == DurabilityPolicy.TRANSIENT_LOCAL
             type_name = f"{message.__module__.split('.')[0]}/msg/{message.__name__}"
@@ -65,6 +81,18 @@ class RecorderNode(RingNode):
             self.subscribe(
                 message, topic, lambda data, name=name: self._record(name, data), quality, raw=True
             )
+
+    def _further(self) -> dict[str, tuple[type, QoSProfile]]:
+        """Topics of parameter ``also`` whose type is there; the others are said and left out."""
+        found = {}
+        for entry in self.parameters.also:
+            topic, _, kind = entry.partition("=")
+            try:
+                found[topic] = (message_class(kind), stream(1000))
+            except (ImportError, AttributeError):
+                self.counters["topics_without_type"] += 1
+                self.get_logger().error(f"{topic} is not recorded: {kind} is not installed here")
+        return found
 
     def _record(self, topic: str, data: bytes) -> None:
         if self._writer is not None:
