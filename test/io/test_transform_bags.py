@@ -89,9 +89,7 @@ def test_without_the_poses_it_seems_to_move(bag):
 
 def test_a_frame_that_no_transform_names(bag):
     with pytest.raises(RecordingError, match=r"no scan could be read.*odom: no transform names it"):
-        load_recording(
-            bag, "auto", InputOptions(None, "none", {**RADAR, "tracking_frame": "odom"})
-        )
+        load_recording(bag, "auto", InputOptions(None, "none", {**RADAR, "tracking_frame": "odom"}))
 
 
 def test_files_without_transforms_say_so(tmp_path):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 from autoware_perception_msgs.msg import TrackedObjects
 from gda_tracker_msgs.msg import TrackArray
 from graph_helpers import TIMEOUT_S
-from message_examples import tracks as example_tracks
 from radar_msgs.msg import RadarTracks
 from rclpy.node import Node
 from vision_msgs.msg import Detection3DArray
@@ -19,6 +19,8 @@ from gda_tracker.nodes.qualities import stream
 from gda_tracker.nodes.recorder import RecorderNode
 from gda_tracker.nodes.runner import Nodes
 from gda_tracker.nodes.track_output import TrackOutputNode
+from gda_tracker.vocabulary.scans import ScanKey
+from gda_tracker.vocabulary.tracks import Tracks
 
 TABLE = {name: f"out/{name}" for name in FORMATS} | {"tentative": True, "object_size_m": [4, 2, 1]}
 TYPES = {
@@ -26,6 +28,29 @@ TYPES = {
     "detections_3d": Detection3DArray,
     "tracked_objects": TrackedObjects,
 }
+
+
+def example_tracks():
+    return Tracks(
+        key=ScanKey(1, "radar", 12_345_678_901),
+        frame_id="map",
+        system_uuid=bytes(range(16)),
+        track_id=np.array([5, 6]),
+        hypothesis_id=np.array([7, 8]),
+        status=np.array([1, 0]),
+        mean=np.array([[100.0, -50.0, 3.0, 4.0], [7.0, 8.0, 0.1, 0.0]]),
+        covariance=np.tile(np.diag([4.0, 9.0, 0.2, 0.1]), (2, 1, 1)),
+        class_names=("false_alarm", "cargo"),
+        class_probability=np.array([[0.25, 0.75], [0.5, 0.5]]),
+        masses=np.zeros((2, 0)),
+        conflict=np.zeros(2),
+        hits=np.array([3, 1]),
+        misses=np.zeros(2, dtype=np.int64),
+        coasted_scans=np.zeros(2, dtype=np.int64),
+        first_detection_ns=np.array([1, 2]),
+        last_detection_ns=np.array([3, 4]),
+        detection_index=np.array([0, 1], dtype=np.int32),
+    )
 
 
 class Other(Node):

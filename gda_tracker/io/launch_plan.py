@@ -1,0 +1,216 @@
+"""What the launch files start, as plain data: nodes, their parameters, programs, the environment.
+
+The launch files in ``launch/`` turn a plan into launch actions and hold no logic of their own.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from gda_tracker.errors import UserError
+from gda_tracker.io.parameter_files import RADAR_INPUT, TRACK_OUTPUT, read_parameter_file
+from gda_tracker.resources import resource
+from gda_tracker.tracking.ring import STAGE_TABLES
+
+STAGES = tuple(STAGE_TABLES)
+OUTPUTS = ("radar_tracks", "detections_3d", "tracked_objects")
+PROCESSES = ("four", "one")
+SWITCHES = {"true": True, "1": True, "false": False, "0": False}
+
+
+class LaunchError(UserError):
+    """A launch argument is not allowed; the message is one line and names it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """An argument of a launch file: name, default, one line of help."""
+
+    name: str
+    default: str
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class NodePlan:
+    """One node: its executable (also its name) and parameters, files and values, the last wins."""
+
+    executable: str
+    parameters: list[str | dict[str, Any]]
+    respawn: bool = True
+
+
+@dataclass(slots=True)
+class Plan:
+    """All that is started; ``programs`` are command lines, ``environment`` is set before."""
+
+    namespace: str = ""
+    environment: dict[str, str] = field(default_factory=dict)
+    nodes: list[NodePlan] = field(default_factory=list)
+    programs: list[list[str]] = field(default_factory=list)
+
+
+TRACKER_ARGUMENTS = (
+    Argument("topic", "", "topic of the radar's driver; empty: the topic detections is read"),
+    Argument("preset", "", "radar that this is, one of params/presets (docs/radars.md)"),
+    Argument("params", "", "parameter file of the nodes, on top of the preset"),
+    Argument("namespace", "", "namespace of nodes and topics"),
+    Argument("use_sim_time", "", "true: time comes on /clock; empty: true with bag, else false"),
+    Argument("bag", "", "bag that is played, with its clock"),
+    Argument("record", "", "folder of a bag into which all topics are recorded"),
+    Argument("outputs", "", f"formats beside tracks, with commas between: {', '.join(OUTPUTS)}"),
+    Argument("rviz", "false", "true: start RViz too"),
+    Argument("autostart", "true", "false: nodes wait for their lifecycle transitions"),
+    Argument("processes", "four", "four: one process per node; one: all nodes in one process"),
+)
+DEMO_ARGUMENTS = (
+    Argument("input", "crossing_targets", "scenario by name or file"),
+    Argument("method", "default", "decision/attribute_term/filter, or default"),
+    Argument("rate", "1.0", "speed relative to the scenario's time; 0: as fast as it goes"),
+    Argument("namespace", "", "namespace of nodes and topics"),
+    Argument("record", "", "folder of a bag into which all topics are recorded"),
+    Argument("rviz", "false", "true: start RViz too"),
+)
+
+
+def tracker_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan:
+    """Return what ``tracker.launch.py`` starts.
+
+    Parameters
+    ----------
+    values
+        Of :data:`TRACKER_ARGUMENTS` by name.
+    environment
+        Of the process that launches.
+
+    Raises
+    ------
+    UserError
+        If an argument, the preset or the parameter file is not allowed.
+    """
+    sim_time = _switch(values, "use_sim_time", bool(values["bag"]))
+    autostart = _switch(values, "autostart")
+    files = _parameter_files(values["preset"], values["params"])
+    outputs = [name.strip() for name in values["outputs"].split(",") if name.strip()]
+    for name in outputs:
+        if name not in OUTPUTS:
+            raise LaunchError(f"outputs:={name}: allowed is one of {', '.join(OUTPUTS)}")
+    plan = _plan(values, environment)
+    if values["processes"] == "one":
+        if not autostart:
+            raise LaunchError("autostart:=false: allowed with processes:=four only")
+        plan.programs.append(_run_command(values, outputs, sim_time))
+    elif values["processes"] == "four":
+        common = {"use_sim_time": sim_time, "autostart": autostart}
+        nodes: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
+        if values["topic"]:
+            nodes[RADAR_INPUT] = {"input_topic": values["topic"]}
+        if outputs:
+            nodes[TRACK_OUTPUT] = {name: name for name in outputs}
+        plan.nodes += [NodePlan(node, [*files, {**own, **common}]) for node, own in nodes.items()]
+        _record(plan, values["record"], outputs)
+    else:
+        raise LaunchError(
+            f"processes:={values['processes']}: allowed is one of {', '.join(PROCESSES)}"
+        )
+    if values["bag"]:
+        # The scans of a bag that is played without its clock would be of the past.
+        plan.programs.append(["ros2", "bag", "play", values["bag"], *(["--clock"] * sim_time)])
+    return plan
+
+
+def demo_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan:
+    """Return what ``demo.launch.py`` starts: the ring, and a scenario that is played into it.
+
+    Raises
+    ------
+    UserError
+        If an argument is not allowed.
+    """
+    from gda_tracker.simulation.playback import with_method
+    from gda_tracker.simulation.preset import tracker_preset
+    from gda_tracker.simulation.scenarios import load_scenario
+    from gda_tracker.tracking.methods import parse_method
+    from gda_tracker.tracking.ring import stage_parameters
+
+    try:
+        rate = float(values["rate"])
+    except ValueError:
+        rate = -1.0
+    if not 0.0 <= rate < float("inf"):
+        raise LaunchError(f"rate:={values['rate']}: allowed is a number >= 0")
+    parse_method(values["method"])
+    parameters = with_method(tracker_preset(load_scenario(values["input"])), values["method"])
+    manager = stage_parameters(parameters)["track_manager"]
+    method = f"{manager.decision}/{manager.attribute_term}/{manager.filter}"
+    plan = _plan(values, environment)
+    plan.nodes += [NodePlan(stage, [dict(parameters.get(stage, {}))]) for stage in STAGES]
+    source = {"input": values["input"], "method": method, "rate": rate}
+    plan.nodes.append(NodePlan("scan_source", [source], respawn=False))
+    _record(plan, values["record"], [])
+    return plan
+
+
+def _plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan:
+    """Return a plan of what both launch files start."""
+    plan = Plan(values["namespace"].strip("/"))
+    spellings = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+    if not any(environment.get(name) for name in spellings):
+        # A shared-memory segment that large scans fit into.
+        plan.environment = dict.fromkeys(spellings, str(resource("params", "fastdds.xml")))
+    if _switch(values, "rviz"):
+        configuration = sorted(resource("launch").glob("*.rviz"))
+        plan.programs.append(["rviz2", *(["-d", str(configuration[0])] if configuration else [])])
+    return plan
+
+
+def _switch(values: Mapping[str, str], name: str, otherwise: bool | None = None) -> bool:
+    text = values[name].strip().lower()
+    if not text and otherwise is not None:
+        return otherwise
+    if text not in SWITCHES:
+        raise LaunchError(f"{name}:={values[name]}: allowed is true or false")
+    return SWITCHES[text]
+
+
+def _parameter_files(preset: str, params: str) -> list[str | dict[str, Any]]:
+    """Return the files in the order in which nodes read them; all are checked."""
+    from gda_tracker.io.parameter_files import read_preset
+
+    files: list[str | dict[str, Any]] = []
+    if preset:
+        read_preset(preset)
+        files.append(str(resource("params", "presets", f"{preset}.yaml")))
+    if params:
+        read_parameter_file(params)
+        files.append(os.path.abspath(Path(params).expanduser()))
+    return files
+
+
+def _record(plan: Plan, folder: str, outputs: list[str]) -> None:
+    from gda_tracker.io.track_outputs import FORMATS
+
+    if folder:
+        # A bag is begun once: a second start would find its folder.
+        own = {"bag": folder, "also": [f"{name}={FORMATS[name][0]}" for name in outputs]}
+        plan.nodes.append(NodePlan("recorder", [own], respawn=False))
+
+
+def _run_command(values: Mapping[str, str], outputs: list[str], sim_time: bool) -> list[str]:
+    command = ["gda-tracker", "run"]
+    for option, name in (
+        ("--input", "topic"),
+        ("--preset", "preset"),
+        ("--params", "params"),
+        ("--namespace", "namespace"),
+        ("--bag", "record"),
+    ):
+        if values[name]:
+            command += [option, values[name]]
+    for name in outputs:
+        command += ["--output", name]
+    return [*command, *(["--use-sim-time"] * sim_time)]
