@@ -145,10 +145,15 @@ def demo_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan
         raise LaunchError(f"rate:={values['rate']}: allowed is a number >= 0")
     parse_method(values["method"])
     parameters = with_method(tracker_preset(load_scenario(values["input"])), values["method"])
-    manager = stage_parameters(parameters)["track_manager"]
+    tables = stage_parameters(parameters)
+    manager = tables["track_manager"]
     method = f"{manager.decision}/{manager.attribute_term}/{manager.filter}"
     plan = _plan(values, environment)
-    plan.nodes += [NodePlan(stage, [dict(parameters.get(stage, {}))]) for stage in STAGES]
+    for stage in STAGES:
+        # In the declared types; launch takes no empty lists, which are the defaults anyway.
+        own = {name: getattr(tables[stage], name) for name in parameters.get(stage, {})}
+        own = {name: value for name, value in own.items() if value != []}
+        plan.nodes.append(NodePlan(stage, [own] if own else []))
     source = {"input": values["input"], "method": method, "rate": rate}
     plan.nodes.append(NodePlan("scan_source", [source], respawn=False))
     _record(plan, values["record"], [])
@@ -196,7 +201,9 @@ def _record(plan: Plan, folder: str, outputs: list[str]) -> None:
 
     if folder:
         # A bag is begun once: a second start would find its folder.
-        own = {"bag": folder, "also": [f"{name}={FORMATS[name][0]}" for name in outputs]}
+        own: dict[str, Any] = {"bag": folder}
+        if outputs:
+            own["also"] = [f"{name}={FORMATS[name][0]}" for name in outputs]
         plan.nodes.append(NodePlan("recorder", [own], respawn=False))
 
 
