@@ -1,5 +1,6 @@
 """Launch files, Dockerfile and manifests: they name what there is, and describe the right nodes."""
 
+import argparse
 import ast
 import fnmatch
 import importlib.util
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from gda_tracker.commands import run
 from gda_tracker.errors import UserError
 from gda_tracker.io.launch_plan import (
     DEMO_ARGUMENTS,
@@ -92,8 +94,6 @@ def test_a_bag_brings_its_clock_unless_told_otherwise():
 
 
 def test_one_process_is_the_command_run_with_options_that_it_knows():
-    from gda_tracker.commands import run
-
     plan = tracker(
         processes="one",
         topic="points",
@@ -106,14 +106,37 @@ def test_one_process_is_the_command_run_with_options_that_it_knows():
     assert plan.nodes == []
     (command,) = plan.programs
     assert command[:2] == ["gda-tracker", "run"]
-    import argparse
-
     parser = argparse.ArgumentParser()
     run.add_arguments(parser)
     args = parser.parse_args(command[2:])
     assert (args.input, args.preset, args.namespace, args.bag) == ("points", "altos", "a", "out")
     assert (args.output, args.use_sim_time) == (["radar_tracks"], True)
     assert run.OUTPUTS == OUTPUTS
+
+
+def test_run_gives_input_and_output_the_parameters_of_the_file(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "/**/track_manager:\n  ros__parameters:\n    tracking_frame: odom\n"
+        "/**/radar_input:\n  ros__parameters:\n    pose_source: tf\n"
+        "/**/track_output:\n  ros__parameters:\n    autoware_classes: [cargo=TRUCK]\n"
+    )
+    parser = argparse.ArgumentParser()
+    run.add_arguments(parser)
+    words = ["--input", "points", "--params", str(file)]
+    plain = run._parameters(parser.parse_args(words))
+    assert plain["radar_input"] == {
+        "pose_source": "tf",
+        "input_topic": "points",
+        "tracking_frame": "odom",
+    }
+    assert "track_output" not in plain
+    found = run._parameters(parser.parse_args([*words, "--output", "tracked_objects"]))
+    assert found["track_output"] == {
+        "autoware_classes": ["cargo=TRUCK"],
+        "tracked_objects": "tracked_objects",
+    }
+    assert run._what(found) == "four nodes and the radar input and the track output"
 
 
 @pytest.mark.parametrize(

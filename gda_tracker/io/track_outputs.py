@@ -29,6 +29,7 @@ UNKNOWN_ANGLE_VARIANCE = math.pi**2  # [rad2]
 # 99 % of chi squared with 2 degrees of freedom: a velocity beyond it has a direction.
 MOVING_THRESHOLD = 9.21
 STATIONARY_BELOW_MPS = 0.5
+# Of tracks that come without a probability of existence; of confirmed ones 1.
 TENTATIVE_EXISTENCE = 0.5
 
 MakeMessage = Callable[..., Any]
@@ -55,7 +56,7 @@ class _Object:
     """
 
     track_id: int
-    confirmed: bool
+    existence: float
     position: FloatArray
     position_covariance: FloatArray
     velocity: FloatArray
@@ -83,7 +84,7 @@ def _objects(tracks: Tracks, p: TrackOutputParameters) -> list[_Object]:
         found.append(
             _Object(
                 int(tracks.track_id[row]),
-                confirmed,
+                _existence(float(tracks.existence_probability[row]), confirmed),
                 mean[:2],
                 covariance[:2, :2],
                 velocity,
@@ -99,6 +100,13 @@ def _objects(tracks: Tracks, p: TrackOutputParameters) -> list[_Object]:
             )
         )
     return found
+
+
+def _existence(known: float, confirmed: bool) -> float:
+    """Probability of existence of a track; where the tracker tells none, by its status."""
+    if math.isfinite(known):
+        return known
+    return 1.0 if confirmed else TENTATIVE_EXISTENCE
 
 
 def _header(tracks: Tracks, make: MakeMessage) -> Any:
@@ -259,7 +267,7 @@ def tracked_objects(
             make(
                 "autoware_perception_msgs/msg/TrackedObject",
                 object_id=_uuid(tracks, o.track_id, make),
-                existence_probability=1.0 if o.confirmed else TENTATIVE_EXISTENCE,
+                existence_probability=o.existence,
                 classification=[
                     make(
                         "autoware_perception_msgs/msg/ObjectClassification",

@@ -11,6 +11,9 @@ from dataclasses import dataclass, field, replace
 from gda_tracker.tracking.door import Rejected
 from gda_tracker.vocabulary.scans import Scan, ScanKey
 
+# A sensor that stepped back and whose scans are late so often, in order, has another time axis.
+LATE_IN_A_ROW = 3
+
 
 @dataclass(slots=True, order=True)
 class Waiting:
@@ -44,7 +47,8 @@ class WaitingRoom:
 
     A stamp that lies more than ``time_jump_s`` before the newest admitted one starts a new
     generation: the time axis was reset (a bag loops), and so will be the tracks. Less than that is
-    ``late`` if a later scan was opened already.
+    ``late`` if a later scan was opened already. A sensor that steps back and goes on from there in
+    order is not late: its third such scan starts a new generation too, so that short bags may loop.
     """
 
     def __init__(self) -> None:
@@ -58,6 +62,10 @@ class WaitingRoom:
         # Newest stamp by sensor, and the stamp up to which scans have waited long enough.
         self._newest_of: dict[str, int] = {}
         self._released: tuple[int, int] | None = None
+        # Stamp that came last by sensor, and how many of its late scans came in order since it
+        # stepped back.
+        self._arrived_of: dict[str, int] = {}
+        self._late_in_a_row: dict[str, int] = {}
 
     def __len__(self) -> int:
         return len(self._queue)
@@ -113,11 +121,22 @@ class WaitingRoom:
 
     def check_time(self, key: ScanKey, time_jump_s: float) -> int:
         """Return the generation that the scan belongs to; raise ``Rejected('late')``."""
+        before = self._arrived_of.get(key.sensor_id)
+        self._arrived_of[key.sensor_id] = key.stamp_ns
         if self.newest_ns is not None and key.stamp_ns < self.newest_ns - round(time_jump_s * 1e9):
             return self.generation + 1
-        if self._late(key):
-            raise Rejected("late")
-        return self.generation
+        if not self._late(key):
+            self._late_in_a_row.pop(key.sensor_id, None)
+            return self.generation
+        run = self._late_in_a_row.get(key.sensor_id, 0)
+        if before is not None and key.stamp_ns < before:
+            run = 1
+        elif run and key.stamp_ns != before:
+            run += 1
+        if run >= LATE_IN_A_ROW:
+            return self.generation + 1
+        self._late_in_a_row[key.sensor_id] = run
+        raise Rejected("late")
 
     def _late(self, key: ScanKey) -> bool:
         """Whether a later scan was opened, or the sensor's own one of that stamp."""
@@ -134,7 +153,7 @@ class WaitingRoom:
         if generation != self.generation:
             self.generation, self.newest_ns = generation, None
             self._opened_ns, self._opened_sensors = None, ()
-            self._newest_of = {}
+            self._newest_of, self._late_in_a_row = {}, {}
         arrival = next(self._arrivals)
         self._push(
             Waiting(generation, scan.key.stamp_ns, arrival, scan, admitted_at, received, counts)

@@ -110,6 +110,9 @@ def test_tracked_objects():
     found = tracked_objects(tracks(), p, bag_message)
     first, second, third = found.objects
     assert [o.existence_probability for o in found.objects] == [1.0, 1.0, 0.5]
+    told = tracks(existence_probability=np.array([0.99, 0.9, 0.25]))
+    again = tracked_objects(told, p, bag_message).objects
+    assert [o.existence_probability for o in again] == [0.99, 0.9, 0.25]
     probabilities = {c.label: c.probability for c in first.classification}
     assert probabilities == pytest.approx({0: 0.1, 2: 0.9})
     twist = first.kinematics.twist_with_covariance

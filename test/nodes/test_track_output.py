@@ -44,6 +44,7 @@ def example_tracks():
         class_probability=np.array([[0.25, 0.75], [0.5, 0.5]]),
         masses=np.zeros((2, 0)),
         conflict=np.zeros(2),
+        existence_probability=np.array([0.95, 0.5]),
         hits=np.array([3, 1]),
         misses=np.zeros(2, dtype=np.int64),
         coasted_scans=np.zeros(2, dtype=np.int64),

@@ -1,5 +1,7 @@
 """A reset is a fresh start but for the ids; a state restored while running goes on from there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tracking_examples import UUID, answers, initial_tracks, ring_of, same_tracks, simulated
@@ -126,3 +128,29 @@ def test_a_file_that_is_no_state_changes_nothing(tmp_path):
             checkpoint.restore(ring.manager, tmp_path / name, epoch=9)
     assert ring.manager.state is before
     assert (ring.manager.epoch, ring.manager.waiting) == (0, 1)
+
+
+def test_a_bag_that_is_shorter_than_a_time_jump_may_loop():
+    """Two scans of a lap are late; the third starts the time anew."""
+    ring = ring_of(decision="map")
+    short = SCANS[:8]
+    assert 1e-9 * (short[-1].stamp_ns - short[0].stamp_ns) < ring.manager.parameters.time_jump_s
+    for lap in range(3):
+        outcomes = [ring.process(scan).report.outcome for scan in short]
+        late = ["rejected"] * 2 if lap else ["tracked"] * 2
+        assert outcomes == late + ["tracked"] * 6
+    assert ring.manager.counters["reset_time_jump"] == 2
+    assert ring.manager.counters["rejected_late"] == 4
+
+
+def test_sensors_that_are_late_for_others_start_no_time_anew():
+    """One whose scans always come after those of another, and one that comes out of order once."""
+    ring = ring_of(decision="map")
+    for k, scan in enumerate(SCANS):
+        ring.process(scan)
+        late = replace(scan, sensor_id="slow", stamp_ns=scan.stamp_ns - 500_000_000)
+        assert ring.process(late).report.reason == "late", k
+        if k % 5 == 4:
+            swapped = replace(scan, stamp_ns=scan.stamp_ns - 100_000_000)
+            assert ring.process(swapped).report.reason == "late"
+    assert ring.manager.counters["reset_time_jump"] == 0
