@@ -83,6 +83,25 @@ COMMANDS = {
         takes the place of the recording's own.
         """,
     ),
+    "view": Command(
+        "gda_tracker.commands.view",
+        "see in a browser what the tracker does: displays, beliefs, decisions, parameters",
+        """
+        Serves a page: plan position and B-scope with gates and covariances, the list of tracks,
+        class beliefs and radar cross section of a track over time, the association matrix of a
+        scan, and the parameters, to be changed while it runs. Pause, step, and look back at any
+        scan. Without RECORDING it shows a running ring in the ROS domain of the environment, which
+        never waits for it; with one it replays it here, without ROS.
+
+        It needs no internet. Only this machine can open it, unless --host says otherwise.
+
+        examples:
+          gda-tracker view
+          gda-tracker view my_bag --preset ti_mmwave --rate 2
+          gda-tracker view crossing_targets --method map/bayes/cv --paused
+          gda-tracker view --host 0.0.0.0 --namespace radar_1
+        """,
+    ),
     "record": Command(
         "gda_tracker.commands.record",
         "record all topics of the tracker into an MCAP bag",

@@ -33,16 +33,7 @@ STALL_TIMEOUT_S = 60.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
     parser.add_argument("recording", metavar="RECORDING", help="bag folder, file, or scenario name")
-    parser.add_argument(
-        "--adapter",
-        default="auto",
-        metavar="NAME",
-        help="how to read it: auto, bag, autoferry, scan_npz, mmwave, continental_yaml, csv "
-        "(default: auto)",
-    )
-    parser.add_argument(
-        "--topic", metavar="NAME", help="topic of a bag with several radars (gda-tracker inspect)"
-    )
+    add_recording_options(parser)
     add_preset_option(parser)
     add_parameter_options(parser)
     how = parser.add_mutually_exclusive_group()
@@ -93,6 +84,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a target counts as tracked if a confirmed track is within M metres "
         "(default: 25, for simulated targets 1000)",
     )
+
+
+def add_recording_options(parser: argparse.ArgumentParser) -> None:
+    """Add what says how RECORDING is read."""
+    parser.add_argument(
+        "--adapter",
+        default="auto",
+        metavar="NAME",
+        help="how to read it: auto, bag, autoferry, scan_npz, mmwave, continental_yaml, csv "
+        "(default: auto)",
+    )
+    parser.add_argument(
+        "--topic", metavar="NAME", help="topic of a bag with several radars (gda-tracker inspect)"
+    )
     parser.add_argument("--seed", type=int, default=1, help="seed, if RECORDING is a scenario")
 
 
@@ -110,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
         raise UserError("--tracks-smoothed: allowed with --offline alone, which makes the same")
     if not 0.0 <= args.rate < float("inf"):
         raise UserError(f"--rate {args.rate}: allowed is a number >= 0")
-    play, preset_name, parameters = _load(args)
+    play, preset_name, parameters = load_playback(args)
     print(f"{play.name}: {len(play.detections)} scans, parameters: {preset_name}")
     if not play.detections:
         raise UserError(f"{args.recording}: no scans")
@@ -152,8 +157,12 @@ def _write_table(path: Path, tracks_by_scan: Sequence[Tracks | None]) -> None:
                 table.write(scan, tracks)
 
 
-def _load(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
-    """What to play, the name of its parameters, and the parameters."""
+def load_playback(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
+    """What to play, the name of its parameters, and the parameters.
+
+    ``args`` has what :func:`add_recording_options`, ``add_preset_option`` and
+    ``add_parameter_options`` add.
+    """
     name = args.recording
     from gda_tracker.io.adapters import InputOptions, is_recording, load_recording
     from gda_tracker.io.parameter_files import read_preset

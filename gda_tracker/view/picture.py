@@ -1,0 +1,203 @@
+"""What there is to see of one scan: detections, gates, tracks and the terms of the decision.
+
+A picture is made of what went round the ring and keeps of it what the page can show; what is large
+and not shown (histories of hypotheses, candidate beliefs) is left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gda_tracker.kinematics.gating import gate_threshold
+from gda_tracker.kinematics.sensor_models import polar_measurements, predicted_measurements
+from gda_tracker.tracking.ring import RingResult
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray, empty_floats
+from gda_tracker.vocabulary.beliefs import AttributeScores
+from gda_tracker.vocabulary.hypotheses import Associations, AssociationSettings, Predictions
+from gda_tracker.vocabulary.scans import Scan, ScanReport
+from gda_tracker.vocabulary.tracks import Tracks
+
+
+@dataclass(slots=True)
+class Sightings:
+    """n detections in the tracking plane.
+
+    ``range_m``, ``azimuth_rad`` (n,) as seen from the sensor, counter-clockwise from the x axis of
+    the tracking frame; ``rcs_m2`` (n,) NaN where unknown; ``range_rate_mps`` (n,) NaN where not
+    measured; ``source_index`` (n,) row in the source's ``Detections``.
+    """
+
+    range_m: FloatArray
+    azimuth_rad: FloatArray
+    rcs_m2: FloatArray
+    range_rate_mps: FloatArray
+    source_index: Int32Array
+
+
+@dataclass(slots=True)
+class Gates:
+    """The gates of G tracks: (z - h)' S^-1 (z - h) <= threshold over range and azimuth (14.1).
+
+    ``range_m``, ``azimuth_rad`` (G,) the predicted measurement h, ``covariance`` (G, 2, 2) S with
+    the scan's median noise [m2, m rad, rad2].
+    """
+
+    track_id: IntArray
+    range_m: FloatArray
+    azimuth_rad: FloatArray
+    covariance: FloatArray
+    threshold: float
+
+
+@dataclass(slots=True)
+class Decision:
+    """What the association matrix is made of; candidate beliefs and states are left out."""
+
+    predictions: Predictions
+    scores: AttributeScores | None
+    associations: Associations
+
+
+@dataclass(slots=True)
+class Picture:
+    """One scan as the page shows it.
+
+    ``sensor_xy_m`` (2,) and ``sensor_yaw_rad`` in the tracking frame. ``gates`` and ``decision``
+    are ``None`` where the scan was not associated, or where its messages have not come.
+    """
+
+    report: ScanReport
+    tracks: Tracks
+    sensor_xy_m: FloatArray
+    sensor_yaw_rad: float
+    sightings: Sightings
+    settings: AssociationSettings | None = None
+    gates: Gates | None = None
+    decision: Decision | None = None
+
+    @property
+    def stamp_ns(self) -> int:
+        """Time of the scan."""
+        return int(self.report.key.stamp_ns)
+
+    @property
+    def size_bytes(self) -> int:
+        """What its arrays take."""
+        return sum(array.nbytes for array in _arrays(self))
+
+
+def picture_of(result: RingResult, previous: Tracks | None = None) -> Picture | None:
+    """Make the picture of a scan; ``None`` for one that was rejected, of which there is nothing.
+
+    ``previous`` are the tracks after the scan before: of the hypotheses of a track, the gate shown
+    is that of the one that spoke for it then.
+    """
+    if result.tracks is None:
+        return None
+    scan, predictions = result.scan, result.predictions
+    picture = Picture(result.report, result.tracks, np.zeros(2), 0.0, _no_sightings())
+    if scan is None:
+        return picture
+    x, y, z, w = (float(value) for value in scan.sensor_orientation_xyzw)
+    # The yaw of any attitude: where the sensor's x axis points in the plane.
+    picture.sensor_yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    picture.sensor_xy_m = np.array(scan.sensor_position_m[:2])
+    picture.sightings = _sightings(scan)
+    if predictions is None:
+        return picture
+    picture.settings = predictions.settings
+    picture.gates = _gates(scan, predictions, previous)
+    if result.associations is not None:
+        picture.decision = _decision(predictions, result.scores, result.associations)
+    return picture
+
+
+def _no_sightings() -> Sightings:
+    none = empty_floats()
+    return Sightings(none, none, none, none, np.zeros(0, dtype=np.int32))
+
+
+def _sightings(scan: Scan) -> Sightings:
+    polar = polar_measurements(scan)
+    rate = scan.range_rate_mps
+    return Sightings(
+        polar.range_m,
+        polar.azimuth_rad,
+        np.where(scan.rcs_valid, scan.rcs_m2, np.nan),
+        np.full(len(scan), np.nan) if rate is None else rate,
+        scan.source_index,
+    )
+
+
+def _gates(scan: Scan, predictions: Predictions, previous: Tracks | None) -> Gates | None:
+    """Gates of the leading hypotheses; none without a detection, whose noise is a part of them."""
+    if not len(scan):
+        return None
+    rows = _leading(predictions, previous)
+    noise = np.median(polar_measurements(scan).covariance, axis=0)
+    # Of the components of a mixture the heaviest.
+    start = predictions.component_start
+    owner = np.repeat(np.arange(len(predictions)), np.diff(start))
+    order = np.lexsort((-predictions.component_weight, owner))
+    component = order[start[:-1]][rows]
+    predicted = predicted_measurements(
+        predictions.component_mean[component, :2],
+        predictions.component_covariance[component, :2, :2],
+        scan.sensor_position_m[:2],
+    )
+    return Gates(
+        predictions.track_id[rows],
+        predicted.range_m,
+        predicted.azimuth_rad,
+        predicted.covariance + noise,
+        gate_threshold(predictions.settings.gate_probability),
+    )
+
+
+def _leading(predictions: Predictions, previous: Tracks | None) -> IntArray:
+    """One row per track, by rising id: of the hypothesis that spoke for it, else the first."""
+    spoke = np.zeros(len(predictions), dtype=bool)
+    if previous is not None:
+        spoke = np.isin(predictions.hypothesis_id, previous.hypothesis_id)
+    order = np.lexsort((~spoke, predictions.track_id))
+    _, first = np.unique(predictions.track_id[order], return_index=True)
+    return np.asarray(order[first], dtype=np.int64)
+
+
+def _decision(
+    predictions: Predictions, scores: AttributeScores | None, associations: Associations
+) -> Decision:
+    """Keep what the terms of the pairs are made of."""
+    none, nothing = empty_floats(0, 0), empty_floats()
+    kept = dataclasses.replace(
+        predictions,
+        component_start=np.zeros(0, dtype=np.int32),
+        component_weight=nothing,
+        component_model=np.zeros(0, dtype=np.int32),
+        component_mean=none,
+        component_covariance=empty_floats(0, 0, 0),
+        masses=none,
+        class_probability=none,
+        window_kind=np.zeros((0, 0), dtype=np.int32),
+        window_masses=empty_floats(0, 0, 0),
+        window_log_class_likelihood=empty_floats(0, 0, 0),
+    )
+    if scores is not None:
+        scores = dataclasses.replace(scores, masses=none, class_probability=none)
+    return Decision(kept, scores, associations)
+
+
+def _arrays(value: object) -> list[np.ndarray]:
+    """All arrays of a tree of dataclasses."""
+    if isinstance(value, np.ndarray):
+        return [value]
+    if not dataclasses.is_dataclass(value):
+        return []
+    found: list[np.ndarray] = []
+    for item in dataclasses.fields(value):
+        found += _arrays(getattr(value, item.name))
+    return found
