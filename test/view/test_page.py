@@ -130,7 +130,7 @@ def test_a_session_at_the_page(player, open_page):
         # The radar cross sections stand in front of the fuzzy sets.
         points = page.locator("#rcs .scatterlayer .point")
         expect(points.first).to_be_visible()
-        expect(page.locator("#rcs .heatmaplayer image")).to_have_count(3)
+        expect(page.locator("#rcs .imagelayer image")).to_have_count(1)
 
         # Play to the end, then look back: with the button, the slider and the keyboard.
         page.get_by_role("button", name="Play").click()

@@ -2,7 +2,7 @@
 
 import { colours, trackColour, withAlpha } from "./colours.js";
 import { gateOf, length, planToPolar, roundStep, wrap } from "./geometry.js";
-import { dots, drawTracks, faded, outline, rings } from "./signs.js";
+import { dots, drawGates, drawTracks, faded, outline, rings } from "./signs.js";
 import { Scope } from "./scope.js";
 
 const DEGREES = 180 / Math.PI;
@@ -24,8 +24,9 @@ export class BScope {
     return [-azimuth * DEGREES, range];
   }
 
-  show() {
+  show(before) {
     const { scan } = this.state;
+    for (const old of before) old.range.forEach((r, i) => this.scope.see(...this.place(r, old.azimuth[i])));
     scan.detections.range.forEach((r, i) => this.scope.see(...this.place(r, scan.detections.azimuth[i])));
     scan.tracks.id.forEach((_, i) => this.scope.see(...this.track(i)));
     if (this.scope.bounds) this.scope.see(this.scope.bounds[0], 0); // range from zero
@@ -57,10 +58,9 @@ export class BScope {
       }
     });
     if (layers.gates && gates) {
-      gates.id.forEach((id, i) => {
-        const centre = this.place(gates.range[i], gates.azimuth[i])[0];
-        const points = gateOf(gates, i).map(([r, a]) => [centre - (a - gates.azimuth[i]) * DEGREES, r]);
-        outline(scope, points, id === selected ? colours().select : withAlpha(colours().ink, 0.45), { dash: [4, 4], width: 1 });
+      drawGates(scope, gates.id, selected, (i) => {
+        const [centre] = this.place(gates.range[i], gates.azimuth[i]);
+        return gateOf(gates, i).map(([r, a]) => [centre - (a - gates.azimuth[i]) * DEGREES, r]);
       });
     }
     const seen = detections.range.map((r, i) => this.place(r, detections.azimuth[i]));

@@ -1,6 +1,6 @@
 // Ellipses, angles and round numbers.
 
-const CORNERS = 48;
+const CORNERS = 32;
 export const CHI_SQUARE_95 = 5.991; // of two dimensions
 
 // Points of {v : v' [[a, b], [b, c]]^-1 v = k} around a centre.

@@ -13,6 +13,7 @@ import { Plan } from "./plan.js";
 import { RcsChart } from "./rcs.js";
 import { TrackList } from "./tracks.js";
 
+const TABLES_MS = 250;
 const byId = (id) => document.getElementById(id);
 
 const state = {
@@ -52,10 +53,9 @@ function draw(answer) {
     state.past.add(answer.past);
     state.past.addShown(answer.scan);
     Object.assign(state, { scan: answer.scan, matrix: answer.matrix, track: answer.track ?? null });
-    plan.show();
-    bscope.show();
-    list.show(state.scan, state.selected);
-    showSelected();
+    plan.show(answer.past);
+    bscope.show(answer.past);
+    showTables();
   }
   const notices = answer.status.notices;
   const newest = notices[notices.length - 1];
@@ -66,6 +66,21 @@ function draw(answer) {
   }
   controls.show();
   document.body.dataset.scan = state.scan?.number ?? 0; // for who watches from outside
+}
+
+// At most a few times a second while scans run through, the newest last; at once for who looks at one.
+let shownAt = 0;
+let later = null;
+function showTables() {
+  clearTimeout(later);
+  const wait = state.status.playing && state.want === null ? shownAt + TABLES_MS - performance.now() : 0;
+  if (wait > 0) {
+    later = setTimeout(showTables, wait);
+    return;
+  }
+  shownAt = performance.now();
+  list.show(state.scan, state.selected);
+  showSelected();
 }
 
 function showSelected() {

@@ -3,8 +3,14 @@
 const LONGEST = 12; // log likelihood ratio of a full bar
 
 const KINDS = {
-  ratios: { k: "kinematic", a: "attribute", j: "ratio", of: (v) => v / LONGEST, signed: true, text: (v) => (v > 0 ? "+" : "") + v.toFixed(1) },
-  probabilities: { k: "p_kinematic", a: "p_attribute", j: "joint_marginal", of: (v) => v, signed: false, text: (v) => v.toFixed(3) },
+  ratios: {
+    k: "kinematic", a: "attribute", j: "ratio", name: "sum",
+    of: (v) => v / LONGEST, signed: true, text: (v) => (v > 0 ? "+" : "") + v.toFixed(1),
+  },
+  probabilities: {
+    k: "p_kinematic", a: "p_attribute", j: "joint_marginal", name: "joint",
+    of: (v) => v, signed: false, text: (v) => v.toFixed(3),
+  },
 };
 
 function term(letter, value, kind) {
@@ -38,7 +44,7 @@ function cell(cells, i, kind, asked) {
   const sum = document.createElement("div");
   sum.className = "j";
   const value = cells[kind.j][i];
-  sum.textContent = `${kind.signed ? "sum" : "joint"} ${value === null ? "–" : kind.text(value)}${cells.chosen[i] ? " ✓" : ""}`;
+  sum.textContent = `${kind.name} ${value === null ? "–" : kind.text(value)}${cells.chosen[i] ? " ✓" : ""}`;
   td.append(sum);
   td.title = `squared distance ${cells.mahalanobis_squared[i]}, P_k ${cells.p_kinematic[i]}, ` +
     `P_a ${cells.p_attribute[i]}, joint ${cells.joint_marginal[i]}`;
@@ -51,7 +57,8 @@ export function showMatrix(table, hint, matrix, kindName, selected, select) {
     table.replaceChildren();
     return;
   }
-  const kind = KINDS[kindName];
+  let kind = KINDS[kindName];
+  if (!kind.signed && matrix.decided_by === "p_generalised") kind = { ...kind, j: "p_generalised", name: "P_gen" };
   const asked = matrix.attribute_term !== "none";
   const left = matrix.left_out ? `; ${matrix.left_out} more pairs` : "";
   hint.textContent = `${matrix.decision}/${matrix.attribute_term}, decided by ${matrix.decided_by ?? "nothing"}` +

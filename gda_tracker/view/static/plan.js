@@ -2,7 +2,7 @@
 
 import { colours, trackColour, withAlpha } from "./colours.js";
 import { CHI_SQUARE_95, ellipse, gateOf, length, polarToPlan, roundStep } from "./geometry.js";
-import { dots, drawTracks, faded, outline, rings } from "./signs.js";
+import { dots, drawGates, drawTracks, faded, outline, rings } from "./signs.js";
 import { Scope } from "./scope.js";
 
 const SPOKES = 12;
@@ -14,11 +14,13 @@ export class Plan {
     this.scope = new Scope(canvas, { draw: () => this.draw(), pick: state.select, equal: true });
   }
 
-  show() {
+  // The scans before it that are new here come along: what has been seen stays in view.
+  show(before) {
     const { scan } = this.state;
-    const { x, y } = scan.detections;
-    for (let i = 0; i < x.length; i++) this.scope.see(x[i], y[i]);
-    scan.tracks.x.forEach((tx, i) => this.scope.see(tx, scan.tracks.y[i]));
+    for (const old of before) old.x.forEach((x, i) => this.scope.see(x, old.y[i]));
+    for (const old of before) old.tx.forEach((x, i) => this.scope.see(x, old.ty[i]));
+    scan.detections.x.forEach((x, i) => this.scope.see(x, scan.detections.y[i]));
+    scan.tracks.x.forEach((x, i) => this.scope.see(x, scan.tracks.y[i]));
     this.scope.see(scan.sensor.x, scan.sensor.y);
     this.scope.redraw();
   }
@@ -40,10 +42,7 @@ export class Plan {
       outline(scope, [...trail, [tracks.x[i], tracks.y[i]]], colour, { width: id === selected ? 2.2 : 1.3 });
     });
     if (layers.gates && gates) {
-      gates.id.forEach((id, i) => {
-        const points = gateOf(gates, i).map(([r, a]) => polarToPlan(sensor, r, a));
-        outline(scope, points, id === selected ? colours().select : withAlpha(colours().ink, 0.45), { dash: [4, 4], width: 1 });
-      });
+      drawGates(scope, gates.id, selected, (i) => gateOf(gates, i).map(([r, a]) => polarToPlan(sensor, r, a)));
     }
     dots(scope, detections.x.map((x, i) => [x, detections.y[i]]), colours().detection, 2.6);
     const taken = new Set(tracks.detection);

@@ -120,9 +120,14 @@ export class Scope {
     return best;
   }
 
+  inside(px, py) { return px > -9 && py > -9 && px < this.width + 9 && py < this.height + 9; }
+
+  // Add a line to the path, unless all of it is out of view.
   path(points) {
     const c = this.context;
-    c.beginPath();
-    points.forEach(([x, y], i) => (i ? c.lineTo(...this.px(x, y)) : c.moveTo(...this.px(x, y))));
+    const at = points.map(([x, y]) => this.px(x, y));
+    if (at.length < 3 || at.some(([px, py]) => this.inside(px, py))) {
+      at.forEach(([px, py], i) => (i ? c.lineTo(px, py) : c.moveTo(px, py)));
+    }
   }
 }

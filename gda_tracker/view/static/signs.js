@@ -4,16 +4,14 @@ import { classOf, colours, trackColour, withAlpha } from "./colours.js";
 
 const DOT = 2.1;
 
+// Squares: thousands of circles would take a software renderer too long.
 export function dots(scope, points, colour, radius = DOT) {
   const c = scope.context;
   c.fillStyle = colour;
-  c.beginPath();
   for (const [x, y] of points) {
     const [px, py] = scope.px(x, y);
-    c.moveTo(px + radius, py);
-    c.arc(px, py, radius, 0, 2 * Math.PI);
+    if (scope.inside(px, py)) c.fillRect(px - radius, py - radius, 2 * radius, 2 * radius);
   }
-  c.fill();
 }
 
 // Older ones fainter.
@@ -25,20 +23,36 @@ export function rings(scope, points) {
   c.lineWidth = 1;
   for (const [x, y] of points) {
     c.beginPath();
-    c.arc(...scope.px(x, y), 4.5, 0, 2 * Math.PI);
+    c.arc(...scope.px(x, y), 7.5, 0, 2 * Math.PI);
     c.stroke();
   }
 }
 
-export function outline(scope, points, colour, { dash = [], width = 1.2 } = {}) {
-  if (!points.length) return;
+export function outline(scope, points, colour, style) {
+  outlines(scope, [points], colour, style);
+}
+
+// Many lines of one style at once.
+export function outlines(scope, lines, colour, { dash = [], width = 1.2 } = {}) {
   const c = scope.context;
   c.setLineDash(dash);
   c.strokeStyle = colour;
   c.lineWidth = width;
-  scope.path(points);
+  c.beginPath();
+  for (const points of lines) scope.path(points);
   c.stroke();
   c.setLineDash([]);
+}
+
+// Gates: those of the others faint, that of the selected track plain.
+export function drawGates(scope, ids, selected, curve) {
+  const others = [];
+  ids.forEach((id, i) => {
+    if (id !== selected) others.push(curve(i));
+  });
+  outlines(scope, others, withAlpha(colours().ink, 0.45), { dash: [4, 4], width: 1 });
+  const chosen = ids.indexOf(selected);
+  if (chosen >= 0) outline(scope, curve(chosen), colours().select, { dash: [4, 4], width: 1.4 });
 }
 
 export function diamond(scope, [px, py], colour, confirmed, selected) {

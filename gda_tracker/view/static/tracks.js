@@ -35,6 +35,7 @@ export class TrackList {
     row.dataset.track = id;
     row.tabIndex = 0;
     for (let i = 0; i < 7; i++) row.append(document.createElement("td"));
+    row.cells[2].className = "class";
     for (let i = 3; i < 7; i++) row.cells[i].className = "n";
     row.addEventListener("click", () => this.select(id));
     row.addEventListener("keydown", (event) => { if (event.key === "Enter") this.select(id); });
@@ -59,12 +60,7 @@ export class TrackList {
       if (row.cells[k].textContent !== String(text)) row.cells[k].textContent = text;
     });
     row.cells[1].className = tracks.confirmed[i] ? "" : "tentative";
-    if (index >= 0) {
-      const swatch = document.createElement("span");
-      swatch.className = "swatch";
-      swatch.style.background = classColour(index);
-      row.cells[2].prepend(swatch);
-    }
+    row.cells[2].style.setProperty("--class", index < 0 ? "transparent" : classColour(index));
     row.setAttribute("aria-selected", selected);
   }
 
