@@ -2,6 +2,8 @@
 
 import { classColour, classOf } from "./colours.js";
 
+const COLUMNS = 6;
+
 export class TrackList {
   constructor(body, count, select) {
     this.body = body;
@@ -34,9 +36,9 @@ export class TrackList {
     row = document.createElement("tr");
     row.dataset.track = id;
     row.tabIndex = 0;
-    for (let i = 0; i < 7; i++) row.append(document.createElement("td"));
+    for (let i = 0; i < COLUMNS; i++) row.append(document.createElement("td"));
     row.cells[2].className = "class";
-    for (let i = 3; i < 7; i++) row.cells[i].className = "n";
+    for (let i = 3; i < COLUMNS; i++) row.cells[i].className = "n";
     row.addEventListener("click", () => this.select(id));
     row.addEventListener("keydown", (event) => { if (event.key === "Enter") this.select(id); });
     this.rows.set(id, row);
@@ -49,12 +51,11 @@ export class TrackList {
     const range = Math.hypot(tracks.x[i] - sensor.x, tracks.y[i] - sensor.y);
     const texts = [
       tracks.id[i],
-      tracks.confirmed[i] ? "confirmed" : "tentative",
-      index < 0 ? "–" : `${tracks.class_names[index]} ${Math.round(100 * probability[index])} %`,
+      tracks.coasted[i] ? `coasting ${tracks.coasted[i]}` : tracks.confirmed[i] ? "confirmed" : "tentative",
+      index < 0 ? "–" : tracks.class_names[index] + (probability[index] < 0.995 ? ` ${Math.round(100 * probability[index])} %` : ""),
       range.toFixed(range < 1000 ? 1 : 0),
       Math.hypot(tracks.vx[i], tracks.vy[i]).toFixed(1),
       tracks.age_s[i]?.toFixed(1) ?? "",
-      tracks.coasted[i] || "",
     ];
     texts.forEach((text, k) => {
       if (row.cells[k].textContent !== String(text)) row.cells[k].textContent = text;
