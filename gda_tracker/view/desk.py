@@ -21,10 +21,15 @@ Parameters = Mapping[str, Mapping[str, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Whether a change was accepted, and why not."""
+    """Whether a change was accepted, and why not.
+
+    ``acts_from_scan`` is the number of the first scan that it acts on, ``None`` where that is not
+    known here: a ring that runs elsewhere takes it when it opens its next scan.
+    """
 
     accepted: bool
     reason: str = ""
+    acts_from_scan: int | None = None
 
 
 class Desk(Protocol):

@@ -155,7 +155,7 @@ class Player:
                 self._ring.fusion = AttributeFusion(tables[node])
             else:
                 self._ring.associate = Associator(tables[node])
-        return Answer(True)
+            return Answer(True, acts_from_scan=self.history.newest + 1)
 
     # --- the thread ---------------------------------------------------------------------------
 

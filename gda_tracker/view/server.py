@@ -197,7 +197,7 @@ class Server:
             {
                 "accepted": answer.accepted,
                 "reason": answer.reason,
-                "acts_from_scan": self.history.newest + 1 if answer.accepted else None,
+                "acts_from_scan": answer.acts_from_scan,
             }
         )
 

@@ -78,7 +78,7 @@ def test_a_change_acts_at_the_next_scan(make):
     player.step()
     wait_for(lambda: player.history.newest == 1)
     answer = player.change("track_manager", {"gate_probability": 0.5, "decision": "map"})
-    assert answer.accepted
+    assert (answer.accepted, answer.acts_from_scan) == (True, 2)
     player.step()
     wait_for(lambda: player.history.newest == 2)
     (_, before), (_, after) = player.history.between(1, 2)

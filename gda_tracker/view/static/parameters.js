@@ -86,7 +86,10 @@ export class ParameterPanel {
     const answer = await post("/api/parameters", { node: p.node, values: { [p.name]: value } });
     if (answer.error) this.say(false, answer.error);
     else if (!answer.accepted) this.say(false, `refused: ${answer.reason}`);
-    else this.say(true, `accepted: ${p.name} ${before} → ${value}, acts from scan ${answer.acts_from_scan} on`);
+    else {
+      const from = answer.acts_from_scan === null ? "acts on the next scan that opens" : `acts from scan ${answer.acts_from_scan} on`;
+      this.say(true, `accepted: ${p.name} ${before} → ${value}, ${from}`);
+    }
     await this.load();
   }
 
