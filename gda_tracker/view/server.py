@@ -81,7 +81,6 @@ class Server:
         self._encoder = Encoder(history, self._full_status)
         self._conversations: set[Conversation] = set()
         self._sockets: set[web.WebSocketResponse] = set()
-        self._fuzzy_sets: dict[str, Any] | None = None
         self._library = plot_library()
 
     # --- life -----------------------------------------------------------------------------------
@@ -174,13 +173,11 @@ class Server:
         )
 
     async def _sets(self, _: web.Request) -> web.StreamResponse:
-        if self._fuzzy_sets is None:
-            values = await asyncio.to_thread(self._desk.values)
-            if "rcs_fuzzifier" not in values:
-                raise web.HTTPServiceUnavailable(text="rcs_fuzzifier does not answer")
-            # Fixed at start-up, so once is enough.
-            self._fuzzy_sets = await asyncio.to_thread(fuzzy_sets_json, values["rcs_fuzzifier"])
-        return web.json_response(self._fuzzy_sets)
+        """The fuzzy sets, ``null`` as long as the fuzzifier does not answer."""
+        values = await asyncio.to_thread(self._desk.values)
+        if "rcs_fuzzifier" not in values:
+            return web.json_response(None)
+        return web.json_response(await asyncio.to_thread(fuzzy_sets_json, values["rcs_fuzzifier"]))
 
     async def _change(self, request: web.Request) -> web.StreamResponse:
         """Change one parameter or several of a node: ``{"node": ..., "values": {name: text}}``."""

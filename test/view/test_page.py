@@ -247,6 +247,23 @@ def test_the_displays_show_where_tracks_are_and_a_click_selects(player, open_pag
         expect(page.locator("#belief-title")).to_have_text("No track selected")
 
 
+def test_a_page_that_is_opened_before_the_nodes_answer(player, open_page, monkeypatch):
+    values = player.values
+    monkeypatch.setattr(player, "values", dict)
+    with serving(player) as address:
+        page = open_page(address)
+        player.step()
+        shows_scan(page, 1)
+        expect(page.get_by_label("gate_probability", exact=True)).to_have_count(0)
+        monkeypatch.setattr(player, "values", values)
+        page.wait_for_timeout(3000)  # it asks again every three seconds, with the next scan
+        player.step()
+        shows_scan(page, 2)
+        expect(page.get_by_label("gate_probability", exact=True)).to_have_value("0.99")
+        page.keyboard.press("j")
+        expect(page.locator("#rcs .imagelayer image")).to_have_count(1)
+
+
 def where_drawn(page, player, place):
     """Pixels of a place on the plan, worked out from what it shows: everything seen so far."""
     low, high = None, None

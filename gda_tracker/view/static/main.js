@@ -14,6 +14,7 @@ import { RcsChart } from "./rcs.js";
 import { TrackList } from "./tracks.js";
 
 const TABLES_MS = 250;
+const RETRY_MS = 3000;
 const byId = (id) => document.getElementById(id);
 
 const state = {
@@ -64,6 +65,8 @@ function draw(answer) {
     say(`after scan ${newest[1]}: ${newest[2]}`);
     parameters.load();
   }
+  if (answer.status.error) say(answer.status.error);
+  askForMissing();
   controls.show();
   document.body.dataset.scan = state.scan?.number ?? 0; // for who watches from outside
 }
@@ -109,8 +112,24 @@ function linked(word) {
   byId("link").textContent = word;
   byId("link").classList.toggle("bad", word !== "connected");
   if (word !== "connected") return;
+  // It may be another server than before, with other parameters.
+  parameters.list = [];
+  chart.setFuzzySets(null);
+  askedAt = -Infinity;
+  askForMissing();
+}
+
+// Parameters and fuzzy sets come from nodes that may start later than this page.
+let askedAt = -Infinity;
+function askForMissing() {
+  if ((parameters.list.length && chart.sets) || performance.now() - askedAt < RETRY_MS) return;
+  askedAt = performance.now();
   parameters.load();
-  get("/api/fuzzy_sets").then((sets) => { chart.setFuzzySets(sets); redraw(); }, (error) => say(error.message));
+  get("/api/fuzzy_sets").then((sets) => {
+    if (!sets) return;
+    chart.setFuzzySets(sets);
+    redraw();
+  }, (error) => say(error.message));
 }
 
 function layer(name) {
