@@ -67,15 +67,18 @@ setup(
     # rclpy and the message packages come from the ROS installation, see package.xml.
     install_requires=["numpy>=1.26", "scipy>=1.11", "PyYAML"],
     extras_require={
+        "asterix": ["dpkt", "libasterix"],
         "bags": ["rosbags"],
         "report": ["matplotlib", "tqdm"],
         "tune": ["optuna>=5", "matplotlib", "rosbags", "tqdm"],
         "view": ["aiohttp", "plotly"],
         "test": [
             "aiohttp",
+            "dpkt",
             "evidencelib==1.3.0",
             "filterpy",
             "hypothesis",
+            "libasterix",
             "matplotlib",
             "optuna>=5",
             "playwright",

@@ -85,7 +85,7 @@ def preset_table() -> str:
         cluster = f"within {p.cluster_distance_m:g} m" if p.cluster_distance_m else "each point"
         if p.cluster_minimum_points > 1:
             cluster += f", from {p.cluster_minimum_points} points"
-        kind = kinds.get(path.stem, "CSV")
+        kind = kinds.get(path.stem, "UDP, pcap, CSV")
         cells = (f"[`{path.stem}`](#{path.stem})", kind, p.position_source, rcs, p.sensor_motion)
         lines.append("| " + " | ".join((*cells, moving, cluster)) + " |")
     return "\n".join(lines)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gda_tracker.errors import UserError
+from gda_tracker.io.asterix.udp import is_udp
 from gda_tracker.io.radar.file_kinds import DETECTIONS
 from gda_tracker.io.radar.frames import RadarFrame
 from gda_tracker.io.radar.inspection import inspect_frames
@@ -19,8 +20,12 @@ Frames = Iterator[RadarFrame]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's options."""
-    parser.add_argument("source", metavar="SOURCE", help="bag, file, or live topic")
-    parser.add_argument("--topic", metavar="NAME", help="of a bag: this topic only")
+    parser.add_argument(
+        "source", metavar="SOURCE", help="bag, file, live topic, or udp://HOST:PORT (ASTERIX)"
+    )
+    parser.add_argument(
+        "--topic", metavar="NAME", help="of a bag: this topic only; of ASTERIX: this radar, SAC/SIC"
+    )
     parser.add_argument(
         "--yaml", type=Path, metavar="FILE", help="write parameters that fit, ready to run"
     )
@@ -88,15 +93,21 @@ def _sources(args: argparse.Namespace) -> tuple[Iterator[tuple[str, Frames]], li
     path = Path(args.source)
     if not path.exists():
         if args.topic:
-            raise UserError(f"--topic {args.topic}: allowed with bags only, {path} does not exist")
+            raise UserError(
+                f"--topic {args.topic}: allowed with bags and ASTERIX only, {path} does not exist"
+            )
         return iter([(args.source, _live(args))]), []
     from gda_tracker.io.adapters import ADAPTERS, guess_adapter
 
     adapter = ADAPTERS[guess_adapter(path)]
     if adapter.name == "bag":
         return _of_bag(path, args.topic)
+    if adapter.by_radar is not None:
+        return _of_radars(path, adapter.by_radar(path), args.topic)
     if args.topic:
-        raise UserError(f"--topic {args.topic}: allowed with bags only, {path} is {adapter.name}")
+        raise UserError(
+            f"--topic {args.topic}: allowed with bags and ASTERIX only, {path} is {adapter.name}"
+        )
     if adapter.frames is not None:
         return iter([(str(path), adapter.frames(path))]), []
     return iter([(str(path), _of_detections(path, adapter.name))]), []
@@ -128,6 +139,16 @@ def _of_bag(path: Path, topic: str | None) -> tuple[Iterator[tuple[str, Frames]]
     return ((name, bag_frames(path, name, warn)) for name in topics), [*lines, ""] if lines else []
 
 
+def _of_radars(
+    path: Path, turns: dict[str, list[RadarFrame]], radar: str | None
+) -> tuple[Iterator[tuple[str, Frames]], list[str]]:
+    """Frames of each radar of a recording, or of the one asked for."""
+    if radar is not None and radar not in turns:
+        raise UserError(f"{path}: radar {radar}: allowed is one of {', '.join(turns)}")
+    names = list(turns) if radar is None else [radar]
+    return ((f"{path} {name}", iter(turns[name])) for name in names), []
+
+
 def _of_detections(path: Path, adapter: str) -> Frames:
     """Frames of a recording whose meaning is in itself."""
     from gda_tracker.io.adapters import load_recording
@@ -143,6 +164,10 @@ def _live(args: argparse.Namespace) -> Frames:
         raise UserError(
             f"--seconds {args.seconds}, --wait {args.wait}: allowed are numbers > 0 and >= 0"
         )
+    if is_udp(args.source):
+        from gda_tracker.nodes.asterix_listener import listen as listen_udp
+
+        return listen_udp(args.source, args.wait, args.seconds)
     from gda_tracker.nodes.topic_listener import listen
 
     return listen(args.source, args.wait, args.seconds)

@@ -92,11 +92,13 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
         "--adapter",
         default="auto",
         metavar="NAME",
-        help="how to read it: auto, bag, autoferry, scan_npz, mmwave, continental_yaml, csv "
-        "(default: auto)",
+        help="how to read it: auto, bag, autoferry, scan_npz, mmwave, continental_yaml, csv, "
+        "asterix (default: auto)",
     )
     parser.add_argument(
-        "--topic", metavar="NAME", help="topic of a bag with several radars (gda-tracker inspect)"
+        "--topic",
+        metavar="NAME",
+        help="topic of a bag, or SAC/SIC in ASTERIX, with several radars (gda-tracker inspect)",
     )
     parser.add_argument("--seed", type=int, default=1, help="seed, if RECORDING is a scenario")
 

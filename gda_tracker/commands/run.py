@@ -17,6 +17,9 @@ from gda_tracker.commands.options import (
     radar_input_of_file,
 )
 from gda_tracker.errors import UserError
+from gda_tracker.io.asterix.udp import is_udp, parse_udp
+from gda_tracker.io.radar.file_kinds import ASTERIX
+from gda_tracker.io.radar.presets import OF_FILES
 from gda_tracker.tracking.ring import STAGE_TABLES
 
 OUTPUTS = ("radar_tracks", "detections_3d", "tracked_objects")
@@ -31,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--input",
         metavar="TOPIC",
-        help="topic of a radar's driver: PointCloud2, RadarScan or RadarTracks; without it the "
-        "topic detections is read",
+        help="topic of a radar's driver: PointCloud2, RadarScan or RadarTracks; or udp://HOST:PORT "
+        "where ASTERIX comes, a multicast group too; without it the topic detections is read",
     )
     parser.add_argument(
         "--output",
@@ -105,6 +108,10 @@ def _parameters(args: argparse.Namespace) -> Parameters:
 
     of_file = radar_input_of_file(args.params)
     name = args.preset
+    if args.input and is_udp(args.input):
+        parse_udp(args.input)
+        if name is None and of_file is None:
+            name = OF_FILES[ASTERIX]
     if args.input and name is None and of_file is None:
         name = _guessed_preset(args.input)
         print(f"gda-tracker run: preset {name}, guessed from the fields of {args.input}")

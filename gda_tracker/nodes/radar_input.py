@@ -1,8 +1,8 @@
 """Node ``radar_input``: what a radar's driver publishes -> ``detections``.
 
 Subscribes to the type that it finds on its topic: ``sensor_msgs/PointCloud2``,
-``radar_msgs/RadarScan`` or ``radar_msgs/RadarTracks``. What cannot be read is counted and dropped;
-nothing that comes ends the node.
+``radar_msgs/RadarScan`` or ``radar_msgs/RadarTracks``; or listens to ASTERIX at
+``udp://HOST:PORT``. What cannot be read is counted and dropped; nothing that comes ends the node.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from gda_tracker_msgs import msg
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from gda_tracker.errors import UserError
+from gda_tracker.io.asterix.udp import is_udp
 from gda_tracker.io.messages import MessageError, detections_to_message
 from gda_tracker.io.radar.conversion import RadarScan
 from gda_tracker.io.radar.frames import RadarFrame, detections_of_frame
@@ -29,6 +30,8 @@ from gda_tracker.kinematics.transform_buffer import (
     TransformBuffer,
     TransformError,
 )
+from gda_tracker.nodes.asterix_listener import LOOK_PERIOD_S as UDP_PERIOD_S
+from gda_tracker.nodes.asterix_listener import AsterixListener
 from gda_tracker.nodes.base import STAGE_ERRORS, RingNode, spin_node
 from gda_tracker.nodes.qualities import sensor, stream
 from gda_tracker.nodes.services import offer
@@ -40,6 +43,7 @@ LOOK_PERIOD_S = 0.2
 INPUT_DEPTH = 20
 # Silence after which diagnostics say so.
 STALE_AFTER_S = 3.0
+ASTERIX_KIND = "ASTERIX"
 # How often a frame that waits for its transforms is looked at, and how many may wait.
 PATIENCE_S = 0.1
 MOST_WAITING = 100
@@ -75,6 +79,8 @@ class RadarInputNode(RingNode):
         self._detections: Any = None
         self._looking: Any = None
         self._listener: TransformListener | None = None
+        self._asterix: AsterixListener | None = None
+        self._polling: Any = None
         self._tf_problem = ""
         # Frames whose transforms have not come yet, and when they came.
         self._waiting: deque[tuple[RadarFrame, float]] = deque()
@@ -110,6 +116,9 @@ class RadarInputNode(RingNode):
     def _look(self) -> None:
         """Subscribe once the type is known."""
         p = self.parameters
+        if is_udp(p.input_topic):
+            self._listen(p.input_topic)
+            return
         kind = p.input_type or type_of_topic(self, p.input_topic)
         if kind is None:
             return
@@ -125,9 +134,41 @@ class RadarInputNode(RingNode):
         self.subscribe(message, p.input_topic, self._on_message, quality)
         self.get_logger().info(f"reads {p.input_topic} ({kind})")
 
-    def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
-        """Remove the topics, and look for none."""
+    def _listen(self, url: str) -> None:
+        """Open the socket; if that fails, it is tried again, for the network may not be up yet."""
+        try:
+            self._asterix = AsterixListener(url, self.parameters.asterix_source)
+        except UserError as error:
+            self._problem = str(error)
+            self.get_logger().error(self._problem, throttle_duration_sec=5.0)
+            return
         self._looking.cancel()
+        self._kind, self._problem = ASTERIX_KIND, ""
+        if self._polling is None:
+            self._polling = self.create_timer(UDP_PERIOD_S, self._poll, clock=self._steady)
+        self._polling.reset()
+        self.get_logger().info(f"listens to {url} (ASTERIX)")
+
+    def _poll(self) -> None:
+        """Take the datagrams that have come."""
+        listener = self._asterix
+        now_ns = int(self.get_clock().now().nanoseconds)  # 0: nothing on /clock yet
+        if listener is None or not self.active or now_ns == 0:
+            return
+        before = listener.datagrams
+        for frame in listener.frames(now_ns, self.seconds()):
+            self._take(frame)
+        if listener.datagrams > before:
+            self._heard_at = self.seconds()
+            self.counters["received"] += listener.datagrams - before
+        self.counters.update(listener.left_out())
+        if listener.broken:
+            self.get_logger().warning(f"dropped: {listener.broken}", throttle_duration_sec=5.0)
+
+    def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
+        """Remove the topics and the socket, and look for none."""
+        self._looking.cancel()
+        self.close()
         self._patience.cancel()
         self._waiting.clear()
         if self._listener is not None:
@@ -145,12 +186,16 @@ class RadarInputNode(RingNode):
         except (*STAGE_ERRORS, UserError) as error:
             self._refuse(error)
             return
+        self._take(frame)
+
+    def _take(self, frame: RadarFrame) -> None:
+        """Line a frame up and publish what can be."""
         if not self._new_stamp(frame.stamp_ns):
             return
         if len(self._waiting) >= MOST_WAITING:
             self._waiting.popleft()
             self.drop("tf_queue_full")
-        self._waiting.append((frame, self._heard_at))
+        self._waiting.append((frame, self.seconds()))
         self._work_off()
 
     def _now_ns(self) -> int:
@@ -231,6 +276,14 @@ class RadarInputNode(RingNode):
             self.counters["rejected_reset"] += waiting
         return f"{waiting} waiting frames dropped"
 
+    def close(self) -> None:
+        """Close the socket, if there is one."""
+        if self._polling is not None:
+            self._polling.cancel()
+        if self._asterix is not None:
+            self._asterix.close()
+            self._asterix = None
+
     def health(self) -> tuple[int, str]:
         """Say what is missing: a publisher, messages, radar cross sections."""
         p = self.parameters
@@ -242,6 +295,8 @@ class RadarInputNode(RingNode):
             return DiagnosticStatus.WARN, f"no message on {p.input_topic}"
         if self._tf_problem:
             return DiagnosticStatus.ERROR, self._tf_problem
+        if self._last is None and self._asterix is not None:
+            return DiagnosticStatus.WARN, f"no full turn of a radar on {p.input_topic} yet"
         if self._last is None:
             return DiagnosticStatus.ERROR, f"no message on {p.input_topic} could be used"
         rcs = self._rcs_problem(self._last)

@@ -120,10 +120,10 @@ def test_replay_on_top_of_a_preset(street, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("replay", SRR520, "--topic", "/x"), "--topic /x: allowed with bags only"),
+        (("replay", SRR520, "--topic", "/x"), "--topic /x: allowed with bags and ASTERIX only"),
         (("replay", SRR520, "--preset", "x"), "preset 'x': allowed is one of altos"),
         (("replay", "crossing_targets", "--preset", "altos"), "allowed with recordings only"),
-        (("inspect", SRR520, "--topic", "/x"), "--topic /x: allowed with bags only"),
+        (("inspect", SRR520, "--topic", "/x"), "--topic /x: allowed with bags and ASTERIX only"),
         (("inspect", ROOT / "setup.py"), "no adapter knows this content"),
         (("inspect", "/x", "--seconds", "0"), "--seconds 0.0, --wait 10.0: allowed are numbers"),
         (("run", "--input", "/x", "--preset", "x"), "preset 'x': allowed is one of altos"),

@@ -274,7 +274,7 @@ def test_of_several_radars_one_is_chosen(tmp_path):
     assert len(load_recording(path, options=options("right")).detections) == 3
     with pytest.raises(RecordingError, match="topic /up: allowed is one of /left, /right"):
         load_recording(path, options=options("/up"))
-    with pytest.raises(RecordingError, match="--topic /left: allowed with bags only"):
+    with pytest.raises(RecordingError, match="--topic /left: allowed with bags and ASTERIX only"):
         load_recording(ARS548, options=options("/left"))
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gda_tracker.io.adapters import (
+    asterix,
     autoferry,
     bag,
     continental_yaml,
@@ -44,6 +45,7 @@ ADAPTERS: dict[str, Adapter] = {
         mmwave.ADAPTER,
         continental_yaml.ADAPTER,
         csv_file.ADAPTER,
+        asterix.ADAPTER,
     )
 }
 
@@ -98,8 +100,11 @@ def load_recording(
         raise RecordingError(f"adapter {name!r}: allowed is one of auto, {', '.join(ADAPTERS)}")
     if not path.exists():
         raise RecordingError(f"{path} does not exist")
-    if options.topic is not None and name != bag.ADAPTER.name:
-        raise RecordingError(f"--topic {options.topic}: allowed with bags only, {path} is {name}")
+    several = name == bag.ADAPTER.name or ADAPTERS[name].by_radar is not None
+    if options.topic is not None and not several:
+        raise RecordingError(
+            f"--topic {options.topic}: allowed with bags and ASTERIX only, {path} is {name}"
+        )
     recording = ADAPTERS[name].load(path, options)
     if adapter == "auto":
         recording.origin = f"{recording.origin} (read as {name}, guessed from the content)".lstrip()

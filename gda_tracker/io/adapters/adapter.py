@@ -39,7 +39,8 @@ class Adapter:
 
     ``recognises`` tells by the content whether a path is of this kind and raises nothing; ``load``
     reads it and raises :class:`RecordingError`. ``frames`` is there where a recording holds what a
-    radar published, whose meaning a table declares: it yields it as it stands.
+    radar published, whose meaning a table declares: it yields it as it stands. ``by_radar`` is in
+    its place where a recording may hold several radars: it returns the frames of each by name.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Adapter:
     recognises: Callable[[Path], bool]
     load: Callable[[Path, InputOptions], Recording]
     frames: Callable[[Path], Iterator[RadarFrame]] | None = None
+    by_radar: Callable[[Path], dict[str, list[RadarFrame]]] | None = None
 
 
 def first_bytes(path: Path, count: int) -> bytes:

@@ -62,6 +62,7 @@ def cluster(
     azimuth = np.arctan2(centre[:, 1], centre[:, 0])
     elevation = None if detections.elevation_rad is None else np.arctan2(centre[:, 2], ground)
     rate = None if detections.range_rate_mps is None else mean(detections.range_rate_mps)
+    offset = None if detections.time_offset_s is None else mean(detections.time_offset_s)
     across = extent_m / np.maximum(range_m, 1e-3)
     columns = [(detections.range_m, range_m, extent_m**2), (None, azimuth, across**2)]
     if elevation is not None:
@@ -95,6 +96,7 @@ def cluster(
         elevation_std_rad=None,
         range_rate_std_mps=None,
         covariance=covariance,
+        time_offset_s=offset,
         attribute_values=values,
         attribute_valid=valid,
     )

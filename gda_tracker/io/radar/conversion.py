@@ -87,6 +87,7 @@ def detections_of_fields(
         elevation = deviation["elevation_std"] = None
     require_elevation(pose, elevation, p.maximum_tilt_deg)
     attributes = p.attributes
+    values = np.array([fields[name][keep] for name in attributes.values()]) if attributes else None
     detections = Detections(
         sensor_id=p.sensor_id,
         stamp_ns=stamp_ns,
@@ -100,14 +101,14 @@ def detections_of_fields(
         azimuth_std_rad=deviation["azimuth_std"],
         elevation_std_rad=deviation["elevation_std"],
         range_rate_std_mps=None if range_rate is None else deviation["range_rate_std"],
+        time_offset_s=fields["time_offset"][keep] if "time_offset" in fields else None,
         sensor_position_m=pose.transform.translation,
         sensor_orientation_xyzw=pose.transform.rotation,
         frame_id=frame_id,
         sequence=sequence,
         attribute_names=tuple(attributes),
-        attribute_values=(
-            np.array([fields[name][keep] for name in attributes.values()]) if attributes else None
-        ),
+        attribute_values=values,
+        attribute_valid=None if values is None else np.isfinite(values),
     )
     if p.cluster_distance_m:
         detections = cluster(

@@ -27,7 +27,10 @@ class RadarFrame:
     ``kind`` is the type of the message, or the kind of file. ``types`` are the declared types of
     the fields by name, in their order; ``read`` returns those asked for, (N,) float64 each, read as
     the types given in place of the declared ones. It raises a
-    :class:`~gda_tracker.errors.UserError` where the frame contradicts itself.
+    :class:`~gda_tracker.errors.UserError` where the frame contradicts itself. ``sensor_id`` is the
+    name that the radar gives itself, if any; it takes the place of the parameter.
+    ``attributes`` are fields that are passed on as further attributes unless the parameters name
+    others.
     """
 
     kind: str
@@ -35,9 +38,18 @@ class RadarFrame:
     frame_id: str
     types: Mapping[str, str]
     read: ReadFields
+    sensor_id: str = ""
+    attributes: tuple[str, ...] = ()
 
 
-def frame_of_columns(kind: str, stamp_ns: int, frame_id: str, columns: Fields) -> RadarFrame:
+def frame_of_columns(
+    kind: str,
+    stamp_ns: int,
+    frame_id: str,
+    columns: Fields,
+    sensor_id: str = "",
+    attributes: tuple[str, ...] = (),
+) -> RadarFrame:
     """Return a frame of columns (N,) that are read already, e.g. of a text file.
 
     Types in place of the declared ones change nothing: the fields are numbers.
@@ -46,7 +58,9 @@ def frame_of_columns(kind: str, stamp_ns: int, frame_id: str, columns: Fields) -
     def read(names: Iterable[str], overrides: Mapping[str, str]) -> Fields:
         return {name: columns[name] for name in names}
 
-    return RadarFrame(kind, stamp_ns, frame_id, dict.fromkeys(columns, "number"), read)
+    return RadarFrame(
+        kind, stamp_ns, frame_id, dict.fromkeys(columns, "number"), read, sensor_id, attributes
+    )
 
 
 def quantities_of_frame(frame: RadarFrame, parameters: RadarInputParameters) -> Fields:
@@ -99,8 +113,14 @@ def detections_of_frame(
     """
     if pose is None:
         pose = sensor_pose(parameters, transforms, frame.frame_id, frame.stamp_ns)
+    if frame.attributes and not parameters.attribute_fields:
+        named = [f"{name}={name}" for name in frame.attributes]
+        parameters = replace(parameters, attribute_fields=named)
     fields = quantities_of_frame(frame, parameters)
-    return detections_of_fields(fields, parameters, frame.stamp_ns, frame.frame_id, sequence, pose)
+    found = detections_of_fields(fields, parameters, frame.stamp_ns, frame.frame_id, sequence, pose)
+    if frame.sensor_id:
+        found.detections.sensor_id = frame.sensor_id
+    return found
 
 
 def sensor_velocity(

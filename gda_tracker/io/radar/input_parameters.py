@@ -42,6 +42,8 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "elevation_std": ("elevation_std",),
     "range_rate_std": ("range_rate_std",),
     "snr": ("snr", "signal_to_noise_ratio"),
+    # Time of each point after the stamp of the scan.
+    "time_offset": ("time_offset",),
 }
 QUANTITIES = tuple(ALIASES)
 
@@ -51,7 +53,11 @@ class RadarInputParameters:
     """What the fields of a radar mean, and which detections are passed on."""
 
     sensor_id: str = parameter("radar", "name of the sensor in all messages", live=False)
-    input_topic: str = parameter("points", "topic of the radar's driver", live=False)
+    input_topic: str = parameter(
+        "points",
+        "topic of the radar's driver, or udp://HOST:PORT where ASTERIX comes",
+        live=False,
+    )
     input_type: str = parameter(
         "",
         "type of the topic; empty: the one that is found on it",
@@ -64,6 +70,20 @@ class RadarInputParameters:
         "time of a scan: header (the message's own stamp) or received (when it came, for drivers "
         "that leave the stamp empty)",
         choices=STAMP_SOURCES,
+        advanced=True,
+    )
+    asterix_source: str = parameter(
+        "",
+        "ASTERIX: the radar to listen to, as SAC/SIC, e.g. 25/201; empty: the one whose plot comes "
+        "first, or the only one of a file",
+        live=False,
+        advanced=True,
+    )
+    asterix_date: str = parameter(
+        "",
+        "ASTERIX files without times of capture: day of the first message, e.g. 2026-11-22; empty: "
+        "times count from midnight",
+        live=False,
         advanced=True,
     )
     position_source: str = parameter(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gda_tracker.errors import UserError
-from gda_tracker.io.radar.file_kinds import ARS548, MMWAVE, SRR520
+from gda_tracker.io.radar.file_kinds import ARS548, ASTERIX, MMWAVE, SRR520
 from gda_tracker.io.radar.frames import RadarFrame
 from gda_tracker.io.radar.messages import POINT_CLOUD, RADAR_SCAN, RADAR_TRACKS
 
@@ -102,6 +102,7 @@ OF_FILES = {
     ARS548: "continental_ars548",
     SRR520: "continental_srr520",
     MMWAVE: "mmwave_walk",
+    ASTERIX: "asterix_cat048",
 }
 
 
