@@ -213,7 +213,7 @@ COMMANDS = {
         """,
     ),
     "evaluate": Command(
-        "gda_tracker.evaluation.command",
+        "gda_tracker.commands.evaluate",
         "Monte Carlo of scenarios: which method keeps the tracks pure?",
         """
         Simulates a scenario many times and tracks every run with every method on the same random

@@ -93,14 +93,19 @@ def add_recording_options(parser: argparse.ArgumentParser) -> None:
         default="auto",
         metavar="NAME",
         help="how to read it: auto, bag, autoferry, scan_npz, mmwave, continental_yaml, csv, "
-        "asterix (default: auto)",
+        "asterix; ais and uav are trajectories, seen by a simulated radar (default: auto)",
     )
     parser.add_argument(
         "--topic",
         metavar="NAME",
         help="topic of a bag, or SAC/SIC in ASTERIX, with several radars (gda-tracker inspect)",
     )
-    parser.add_argument("--seed", type=int, default=1, help="seed, if RECORDING is a scenario")
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=1,
+        help="seed, if RECORDING is a scenario, or a radar is simulated (default: 1)",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -184,7 +189,9 @@ def load_playback(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
             f"scenario {scenario.name}",
             parameters,
         )
-    options = InputOptions(args.topic, args.preset, radar_input_of_file(args.params))
+    options = InputOptions(
+        args.topic, args.preset, radar_input_of_file(args.params), seed=args.seed
+    )
     recording = load_recording(name, args.adapter, options)
     for warning in recording.warnings:
         print(f"warning: {warning}", file=sys.stderr)

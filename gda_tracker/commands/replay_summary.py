@@ -35,7 +35,8 @@ def print_summary(
     revised
         The tracks as they are told later, by the word for when; nothing where they are not.
     match_distance_m
-        How far a track may be from its target; ``None`` depends on where the truth comes from.
+        How far a track may be from its target; ``None``: what the recording says, or by
+        where the truth comes from.
     """
     outcomes = Counter(
         f"rejected: {report.reason}" if report.outcome == "rejected" else report.outcome
@@ -63,7 +64,8 @@ def print_summary(
         return
     # Where every detection's source is known the truth is a simulation's, and complete.
     simulated = all(r.source_id is not None for _, r in pairs)
-    match_distance_m = match_distance_m or (SIMULATED_MATCH_M if simulated else REAL_MATCH_M)
+    usual = SIMULATED_MATCH_M if simulated else REAL_MATCH_M
+    match_distance_m = match_distance_m or play.match_distance_m or usual
     _print_scores(pairs, simulated, match_distance_m)
     for when, tracks_by_scan in revised.items():
         later = _with_truth(play.truth, tracks_by_scan)

@@ -57,6 +57,10 @@ Reading the table
 With --initiation automatic there are four tables instead (docs/measures.md): continuity
 (completeness, identity switches, false tracks), GOSPA with its parts and OSPA, extraction
 delay and life of false tracks, and consistency (NEES, NIS).
+
+With --adapter ais or uav the argument is a file of real trajectories, seen by a simulated
+radar (docs/simulated-radar.md); the whole tracker runs, and completeness, switches, false
+tracks and GOSPA are printed. Methods: default, map/none/cv and mht/none/imm, unless named.
 """
 
 EXAMPLES = """\
@@ -65,6 +69,7 @@ examples:
   gda-tracker evaluate crossing_targets closely_spaced_targets --runs 200 --seed 1 \\
       --method gda/none/cv --method map/bayes/cv --method clairvoyant --json out.json
   gda-tracker evaluate my_scenario.yaml --initiation automatic --report report.html
+  gda-tracker evaluate data/trajectories/uav.csv --adapter uav --runs 3
 """
 
 
@@ -77,9 +82,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "scenarios",
         nargs="+",
         metavar="SCENARIO",
-        help="name of a shipped scenario, or a YAML file",
+        help="name of a shipped scenario, or a YAML file; with --adapter a file of trajectories",
     )
-    parser.add_argument("--runs", type=int, default=100, metavar="N", help="runs (default 100)")
+    parser.add_argument(
+        "--runs", type=int, metavar="N", help="runs (default 100, with --adapter 1)"
+    )
     parser.add_argument(
         "--seed",
         type=int,
@@ -130,9 +137,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run ``evaluate``; return the exit code: 0, 2 for a wrong argument, 130 after Ctrl-C."""
     try:
+        args.runs = 100 if args.runs is None else args.runs
         scenarios = [load_scenario(name) for name in args.scenarios]
-        _check_writable("--json", args.json)
-        _check_writable("--report", args.report)
+        check_writable("--json", args.json)
+        check_writable("--report", args.report)
         with progress_on_stderr() as progress:
             results = monte_carlo(
                 scenarios,
@@ -214,7 +222,7 @@ class _Lines:
             self._last = now
 
 
-def _check_writable(option: str, path: str | None) -> None:
+def check_writable(option: str, path: str | None) -> None:
     """Find out before the runs, not after them, that the file cannot be written."""
     if path is None:
         return

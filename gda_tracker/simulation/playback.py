@@ -32,6 +32,7 @@ class Playback:
     truth: list[ScanTruth] | None = None
     initial: Tracks | None = None
     statements: list[tuple[int, Statement]] = field(default_factory=list)
+    match_distance_m: float | None = None
 
     def said_before(self, position: int) -> list[Statement]:
         """Statements that are said right before the scan at a position."""
@@ -45,6 +46,7 @@ def of_recording(recording: Recording) -> Playback:
         recording.detections,
         recording.truth,
         statements=recording.statements,
+        match_distance_m=recording.match_distance_m,
     )
 
 

@@ -19,7 +19,7 @@ class Recording:
     user's own parameters go on top of them rather than in their place. ``origin`` is a line about
     the source with licence and citation, ``notes`` are lines about how it was read. ``statements``
     were made during the experiment, each with the number of scans that came before it, in this
-    order.
+    order. ``match_distance_m`` is how far a track may be from its target, if that is known.
     """
 
     name: str
@@ -32,3 +32,4 @@ class Recording:
     warnings: list[str] = field(default_factory=list)
     statements: list[tuple[int, Statement]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    match_distance_m: float | None = None

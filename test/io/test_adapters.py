@@ -8,6 +8,7 @@ from pathlib import Path
 import message_examples as examples
 import numpy as np
 import pytest
+from asterix_examples import block, plot
 from message_examples import assert_identical
 from recording_examples import npz
 
@@ -169,7 +170,11 @@ def test_adapters_are_guessed_by_content(tmp_path):
         "mmwave": shutil.copy(resource("data/mmwave_walk/SOT.tar.xz"), tmp_path / "walk.bin"),
         "continental_yaml": next(resource("data/continental").glob("srr520*.yaml")),
         "csv": tmp_path / "table.txt",
+        "asterix": tmp_path / "radar.bin",
+        "ais": shutil.copy(resource("data/trajectories/solent_ais_15min.csv"), tmp_path / "a"),
+        "uav": shutil.copy(resource("data/trajectories/uav.csv"), tmp_path / "b"),
     }
+    cases["asterix"].write_bytes(block(48, plot(1.0, 10.0, 20.0)))
     cases["csv"].write_text("time_s,range_m,azimuth_deg\n0.0,10.0,3.0\n")
     for name, path in cases.items():
         assert guess_adapter(path) == name

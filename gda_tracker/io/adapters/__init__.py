@@ -17,6 +17,7 @@ from gda_tracker.io.adapters import (
     csv_file,
     mmwave,
     scan_npz,
+    trajectory_files,
 )
 from gda_tracker.io.adapters.adapter import (
     NO_OPTIONS,
@@ -46,6 +47,8 @@ ADAPTERS: dict[str, Adapter] = {
         continental_yaml.ADAPTER,
         csv_file.ADAPTER,
         asterix.ADAPTER,
+        trajectory_files.AIS,
+        trajectory_files.UAV,
     )
 }
 

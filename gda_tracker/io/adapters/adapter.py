@@ -22,12 +22,15 @@ class InputOptions:
 
     ``topic`` names a topic of a bag, ``preset`` a radar; ``radar_input`` are parameters of
     :class:`~gda_tracker.io.radar.input_parameters.RadarInputParameters` by name, on top of the
-    preset, be it named here or guessed.
+    preset, be it named here or guessed. ``seed`` and ``run`` choose the random numbers of a
+    simulated radar.
     """
 
     topic: str | None = None
     preset: str | None = None
     radar_input: Mapping[str, Any] | None = None
+    seed: int = 1
+    run: int = 0
 
 
 NO_OPTIONS = InputOptions()
