@@ -193,11 +193,11 @@ $(eval $(call list_rule,messages,$(message_sources)))
 
 generator := $(if $(shell command -v ninja),Ninja,Unix Makefiles)
 
-# Builds the message package in folder $(1) into the environment, under the name $(2).
+# Builds the message package in folder $(1) into the environment, under the name $(2), as build $(3).
 build_messages = PATH="$(CURDIR)/$(BIN):$$PATH" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" \
 	sh -eu -c '\
 		cmake -S $(1) -B $(SCRATCH)/$(2) -G "$(generator)" \
-			-DCMAKE_BUILD_TYPE=Release \
+			-DCMAKE_BUILD_TYPE=$(3) \
 			-DCMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
 			-DCMAKE_INSTALL_PREFIX="$(CURDIR)/$(VENV)" \
 			-DCMAKE_INSTALL_RPATH="\$$ORIGIN;\$$ORIGIN/../../.." \
@@ -224,19 +224,24 @@ $(STAMPS)/messages: $(STAMPS)/wheels $(STAMPS)/messages.list $(message_sources) 
 	@for cause in messages.list wheels; do \
 		if [ $(STAMPS)/$$cause -nt $@ ]; then rm -rf $(SCRATCH)/messages; fi; \
 	done
-	@$(call build_messages,msg_schemas,messages)
+	@$(call build_messages,msg_schemas,messages,Release)
 	@cd / && "$(CURDIR)/$(BIN)/python" -c 'import gda_tracker_msgs.msg'
 	@touch $@
 
-# Messages of others, where no ROS installation brings their packages.
+# Messages of others, where no ROS installation brings their packages. Each configures for a while on
+# one processor, so all are built at a time, and without optimisation: they are few and rare.
 $(STAMPS)/foreign: $(STAMPS)/wheels scripts/write_message_packages.py \
 		gda_tracker/io/foreign_types.py $(wildcard cmake/*.cmake)
-	$(say) 'building the messages of other packages (some minutes)'
+	$(say) 'building the messages of other packages (about two minutes)'
 	@mkdir -p $(SCRATCH)
-	@for name in $$($(BIN)/python scripts/write_message_packages.py $(SCRATCH)/foreign); do \
+	@names=$$($(BIN)/python scripts/write_message_packages.py $(SCRATCH)/foreign); \
+	builds=''; \
+	for name in $$names; do \
 		export name; \
-		$(call build_messages,$(SCRATCH)/foreign/$$name,foreign_$$name); \
-	done
+		( $(call build_messages,$(SCRATCH)/foreign/$$name,foreign_$$name,None) ) & \
+		builds="$$builds $$!"; \
+	done; \
+	for build in $$builds; do wait $$build; done
 	@touch $@
 
 package_sources := $(sort $(shell find gda_tracker params launch data resource msg_schemas/msg \

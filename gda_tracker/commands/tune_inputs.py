@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gda_tracker.commands.options import Parameters, gather_parameters, radar_input_of_file
-from gda_tracker.commands.replay import REAL_MATCH_M, SIMULATED_MATCH_M
+from gda_tracker.commands.replay_summary import REAL_MATCH_M, SIMULATED_MATCH_M
 from gda_tracker.errors import UserError
 from gda_tracker.evaluation.runs import AUTOMATIC, default_match_distance_m
 from gda_tracker.io.adapters import InputOptions, is_recording, load_recording

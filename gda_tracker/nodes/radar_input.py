@@ -190,8 +190,6 @@ class RadarInputNode(RingNode):
 
     def _take(self, frame: RadarFrame) -> None:
         """Line a frame up and publish what can be."""
-        if not self._new_stamp(frame.stamp_ns):
-            return
         if len(self._waiting) >= MOST_WAITING:
             self._waiting.popleft()
             self.drop("tf_queue_full")
@@ -241,6 +239,9 @@ class RadarInputNode(RingNode):
             output = detections_to_message(scan.detections)
         except (*STAGE_ERRORS, UserError) as error:
             self._refuse(error)
+            return
+        # Of a frame that could not be used the stamp is free for another one.
+        if not self._new_stamp(frame.stamp_ns):
             return
         self._sequence += 1
         self._last = scan

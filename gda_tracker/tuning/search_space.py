@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from gda_tracker.parameters import ParameterError, Specification, specifications
-from gda_tracker.tracking.parameters import ESTIMATED, SEQUENTIAL
+from gda_tracker.tracking.parameter_groups.life import SEQUENTIAL
+from gda_tracker.tracking.parameter_groups.sensor import ESTIMATED
 from gda_tracker.tracking.ring import STAGE_TABLES
 from gda_tracker.vocabulary.recordings import Recording
 
