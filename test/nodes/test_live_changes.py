@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 from gda_tracker_msgs import msg
+from graph_bench import Client
 from graph_helpers import differences, play
 from live_parameter_cases import IN_THE_NODE, crossing
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from test_bad_input import Client
 from tracking_examples import QUIET
 
 from gda_tracker.io.messages import detections_to_message, predictions_from_message

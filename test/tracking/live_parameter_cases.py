@@ -24,12 +24,14 @@ MHT = {"decision": "mht"}
 SEQUENTIAL = {"extraction": "sequential"}
 BELIEF_PROPAGATION = {"association": {"max_exact_size": 1}}
 PER_SCAN = {"filter": "imm", "imm_switching": "per_scan", "imm_transition": [0.9, 0.1, 0.1, 0.9]}
-BY_ACCELERATION = {"filter": "imm", "imm_switching": "acceleration"}
 
 
 def with_model(name: str) -> dict[str, Any]:
     """Constant velocity beside another model."""
     return {"filter": "imm", "imm_models": ["constant_velocity", name]}
+
+
+BY_ACCELERATION = {**with_model("singer"), "imm_switching": "acceleration"}
 
 
 @lru_cache
@@ -256,13 +258,13 @@ CASES: dict[str, dict[str, Case]] = {
         "imm_process_noise_factors": Case([1.0, 6.0], {"filter": "imm"}),
         "imm_mean_sojourn_s": Case([2.0, 2.0], {"filter": "imm"}),
         "imm_models": Case(["constant_velocity", "coordinated_turn"], {"filter": "imm"}),
-        "imm_switching": Case("acceleration", {"filter": "imm"}),
+        "imm_switching": Case("acceleration", with_model("singer")),
         "imm_transition": Case([0.6, 0.4, 0.4, 0.6], PER_SCAN),
         "imm_switching_acceleration_mps2": Case(0.5, BY_ACCELERATION),
         "imm_correlation_time_s": Case(2.0, with_model("singer")),
-        "imm_acceleration_std_mps2": Case(50.0, with_model("constant_acceleration")),
-        "imm_turn_rate_std_radps": Case(0.5, with_model("coordinated_turn")),
-        "imm_turn_noise_std_radps2": Case(0.2, with_model("coordinated_turn")),
+        "imm_acceleration_std_mps2": Case(50.0, with_model("constant_acceleration"), later=True),
+        "imm_turn_rate_std_radps": Case(0.5, with_model("coordinated_turn"), later=True),
+        "imm_turn_noise_std_radps2": Case(0.2, with_model("coordinated_turn"), later=True),
     },
     "rcs_fuzzifier": {
         "rcs_min_m2": Case(1.5),
@@ -286,3 +288,5 @@ IN_THE_NODE = {
         "stale_after_s",
     )
 }
+# What a service of the node acts by: test/nodes/test_services.py.
+BY_SERVICE = {"track_manager": ("state_path",)}

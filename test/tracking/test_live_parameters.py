@@ -13,6 +13,7 @@ from live_parameter_cases import (
     ANSWERS,
     ASSOCIATIONS,
     AT,
+    BY_SERVICE,
     CASES,
     DELAYED,
     IN_THE_NODE,
@@ -76,8 +77,13 @@ def play(case, change=None):
 
 
 def test_every_live_parameter_has_a_case():
-    in_the_node = [(node, name) for node, names in IN_THE_NODE.items() for name in names]
-    assert sorted(HERE + in_the_node) == sorted(LIVE)
+    elsewhere = [
+        (node, name)
+        for cases in (IN_THE_NODE, BY_SERVICE)
+        for node, names in cases.items()
+        for name in names
+    ]
+    assert sorted(HERE + elsewhere) == sorted(LIVE)
 
 
 @pytest.mark.parametrize(("node", "name"), HERE, ids=[f"{n}.{p}" for n, p in HERE])
