@@ -103,6 +103,7 @@ def log_room(
     weight = np.add.reduceat(np.exp(log_score - reference[track]), begins)
     with np.errstate(divide="ignore"):
         alone = (reference + np.log(weight))[optional]
-        odds = np.log1p(-absent) - np.log(absent)
+        # A sum of probabilities may exceed one by rounding.
+        odds = np.log1p(-np.minimum(absent, 1.0)) - np.log(absent)
     # A track without any weight has no use of room.
     return np.minimum(odds - np.where(alone > -np.inf, alone, 0.0), 0.0)
