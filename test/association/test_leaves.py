@@ -5,8 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from leaf_examples import clusters_by_search, enumerate_hypotheses, random_leaves
+from leaf_examples import chain_leaves, clusters_by_search, enumerate_hypotheses, random_leaves
 
+from gda_tracker.association.leaf_probabilities import leaf_probabilities
+from gda_tracker.association.leaves import fitting
 from gda_tracker.association.leaves.outlook import last_affected, outlook
 from gda_tracker.association.leaves.packing import pack
 from gda_tracker.association.leaves.prices import price, with_prices
@@ -129,8 +131,45 @@ def test_integer_programming_knows_that_there_is_no_hypothesis():
     assert found.bound == -np.inf
 
 
+@pytest.mark.parametrize("dense", [1, 12, 10**9], ids=["matrices", "both", "pair by pair"])
+def test_fitting_leaves_share_no_detection(monkeypatch, dense):
+    """Of clusters of several sizes, large and small ones in any order, some of them done."""
+    monkeypatch.setattr(fitting, "DENSE", dense)
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        leaves = random_leaves(random, 14, 7, window=2, per_scan=9)
+        problem = usable_problem(check_leaves(*leaves, 0.0))
+        stages = make_stages(problem, np.arange(problem.n_clusters), make_layout(problem))
+        own = masks(stages)
+        for step in range(stages.n_steps + 1):
+            slot = np.sort(random.integers(0, problem.n_clusters, 12))
+            bits = random.integers(0, 2**16, (1, 12)).astype(np.uint64)
+            if step == stages.n_steps:
+                slot, bits = slot[:0], bits[:, :0]
+            expected = [
+                (row, leaf)
+                for row in range(len(slot))
+                for leaf in np.flatnonzero((stages.step == step) & (stages.slot == slot[row]))
+                if own[leaf] & int(bits[0, row]) == 0
+            ]
+            found = fitting.fitting_leaves(stages, min(step, stages.n_steps - 1), slot, bits)
+            assert list(zip(*(part.tolist() for part in found), strict=True)) == expected
+
+
+def test_fitting_leaves_of_many_words(monkeypatch):
+    leaves = chain_leaves(np.random.default_rng(1), 30)
+    found = []
+    for dense in (1, 10**9):
+        monkeypatch.setattr(fitting, "DENSE", dense)
+        found.append(leaf_probabilities(*leaves).probability)
+    np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize("many", [1, 10**9], ids=["equal ones once", "one by one"])
 @pytest.mark.parametrize("seed", range(30))
-def test_outlook_is_the_sum_of_the_best_leaves_that_fit(seed):
+def test_outlook_is_the_sum_of_the_best_leaves_that_fit(monkeypatch, seed, many):
+    monkeypatch.setattr("gda_tracker.association.leaves.outlook.MANY", many)
+    monkeypatch.setattr("gda_tracker.association.leaves.outlook.FIRST_BLOCK", 1 + seed % 3)
     _, _, stages, _ = one_cluster(seed)
     own, last = masks(stages), last_affected(stages)
     gain = -(stages.top()[stages.step, stages.slot] - stages.log_score)

@@ -26,6 +26,9 @@ from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 NOTHING_LOST = 1e-12
 """Largest share of the weight that an exact answer may leave out."""
 
+WORTH_PRICES = 1e-9
+"""Share left out, as the answer says, from which on prices are tried for a better one."""
+
 
 @dataclass(frozen=True, slots=True)
 class Marginals:
@@ -86,7 +89,7 @@ def _batch_marginals(
     found.share[stages.clusters] = sums.share
     found.engine[stages.clusters] = ENGINES.index(DYNAMIC_PROGRAMMING)
     probability = sums.probability
-    for slot in (sums.share < 1.0 - NOTHING_LOST).nonzero()[0].tolist():
+    for slot in (sums.share < 1.0 - WORTH_PRICES).nonzero()[0].tolist():
         single, own = united.part(np.array([slot]))
         position = np.full(len(united.leaf), -1)
         position[own] = np.arange(len(own))

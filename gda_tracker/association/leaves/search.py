@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gda_tracker.association.leaves.fitting import fitting_leaves
 from gda_tracker.association.leaves.outlook import last_affected, outlook
-from gda_tracker.association.leaves.stages import Stages, WordArray, ragged_range
+from gda_tracker.association.leaves.stages import Stages, WordArray
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 Closing = Sequence[Sequence[tuple[int, int, float]]]
@@ -69,20 +70,13 @@ def search(
     finished: list[tuple[IntArray, IntArray, FloatArray]] = []
     for step in range(stages.n_steps):
         done = stages.size[slot] == step
-        rows = (~done).nonzero()[0]
         ready = done.nonzero()[0]
         finished.append((ready, slot[ready], value[ready]))
-        count = stages.count[step, slot[rows]]
-        parent = np.repeat(rows, count)
-        option = np.repeat(stages.first[step, slot[rows]], count) + ragged_range(count)
-        clash = np.zeros(len(parent), dtype=np.uint64)
-        for word, leaf_word in zip(mask, stages.mask, strict=True):
-            clash |= word[parent] & leaf_word[option]
-        fits = clash == 0
-        fits &= value[parent] + deficit[option] <= budget[slot[parent]]
-        parent, option = parent[fits], option[fits]
+        parent, option = fitting_leaves(stages, step, slot, mask)
+        reached = value[parent] + deficit[option]
+        wanted = (reached <= budget[slot[parent]]).nonzero()[0]
+        parent, option, value = parent[wanted], option[wanted], reached[wanted]
         slot = slot[parent]
-        value = value[parent] + deficit[option]
         mask = mask[:, parent] | stages.mask[:, option]
         if closing is not None:
             value += unused_costs(mask, closing[step])

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gda_tracker.association.leaves.fitting import fitting_leaves
 from gda_tracker.association.leaves.outlook import last_affected, outlook
 from gda_tracker.association.leaves.search import Closing, unused_costs
-from gda_tracker.association.leaves.stages import Stages, WordArray, ragged_range
+from gda_tracker.association.leaves.stages import Stages, WordArray
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 LOG_NEGLIGIBLE = -60.0
@@ -133,15 +134,7 @@ def sum_products(
     trail: list[_Transitions] = []
     for step in range(stages.n_steps):
         states.append((slot, log_sum))
-        rows = (stages.size[slot] > step).nonzero()[0]
-        count = stages.count[step, slot[rows]]
-        parent = np.repeat(rows, count)
-        option = np.repeat(stages.first[step, slot[rows]], count) + ragged_range(count)
-        clash = np.zeros(len(parent), dtype=np.uint64)
-        for word, leaf_word in zip(mask, stages.mask, strict=True):
-            clash |= word[parent] & leaf_word[option]
-        fits = (clash == 0).nonzero()[0]
-        parent, option = parent[fits], option[fits]
+        parent, option = fitting_leaves(stages, step, slot, mask)
         here = slot[parent]
         factor = stages.log_score[option]
         reached = mask[:, parent] | stages.mask[:, option]
