@@ -26,6 +26,8 @@ from gda_tracker.vocabulary.hypotheses import Predictions
 from gda_tracker.vocabulary.scans import Scan
 
 LOG_TWO_PI = math.log(2.0 * math.pi)
+# Components times detections from which on detections are looked up by range.
+MANY_PAIRS = 50_000
 MEASUREMENT_DIMENSION = 2
 
 
@@ -70,19 +72,23 @@ def _gate_at_once(
 ) -> GatedPairs:
     """Gated pairs of components and detections where all detections have the time of the scan.
 
-    What the states look like is worked out once per component; the only work on all components
-    times all detections is the test in range alone, v_r^2 <= gamma S_rr, which every gated pair
-    passes.
+    What the states look like is worked out once per component. Every gated pair passes the test in
+    range alone, v_r^2 <= gamma S_rr: of few it is asked of all pairs, of many only of detections
+    that stand near in the order of ranges.
     """
     predicted = predicted_measurements(
         predictions.component_mean[:, :2],
         predictions.component_covariance[:, :2, :2],
         measurements.sensor_xy_m,
     )
-    gap = measurements.range_m - predicted.range_m[:, None]
-    variance = predicted.covariance[:, 0, 0, None] + measurements.covariance[:, 0, 0]
+    own, noise = predicted.covariance[:, 0, 0], measurements.covariance[:, 0, 0]
+    if len(own) * len(noise) <= MANY_PAIRS:
+        gap = measurements.range_m - predicted.range_m[:, None]
+        pairs = _pairs(gap, own[:, None] + noise, threshold)
+    else:
+        pairs = _near_pairs(measurements.range_m, noise, predicted.range_m, own, threshold)
     return _inside(
-        *_pairs(gap, variance, threshold),
+        *pairs,
         lambda c, d: predicted.innovations(measurements, c, d),
         threshold,
     )
@@ -125,6 +131,31 @@ def _pairs(
     # A hair wider than the ellipse, so that rounding never cuts what the exact test would keep.
     near = gap * gap <= threshold * (1.0 + 1e-9) * variance
     component, detection = np.nonzero(near)
+    return component.astype(np.int32), detection.astype(np.int32)
+
+
+def _near_pairs(
+    range_m: FloatArray,
+    noise: FloatArray,
+    predicted_m: FloatArray,
+    variance: FloatArray,
+    threshold: float,
+) -> tuple[Int32Array, Int32Array]:
+    """Components and detections (P,), by component, whose ranges may differ by little enough.
+
+    Detections with ranges (D,) and variances ``noise`` (D,) are looked up within the reach of the
+    largest noise around the predicted ranges (C,); at least the pairs of :func:`_pairs` are found.
+    """
+    order = np.argsort(range_m, kind="stable")
+    ordered = range_m[order]
+    reach = np.sqrt(threshold * (1.0 + 1e-8) * (variance + noise.max()))
+    first = np.searchsorted(ordered, predicted_m - reach, side="left")
+    count = np.searchsorted(ordered, predicted_m + reach, side="right") - first
+    component = np.repeat(np.arange(len(count)), count)
+    begin = np.cumsum(count) - count
+    detection = order[np.arange(len(component)) + np.repeat(first - begin, count)]
+    key = np.sort(component * np.int64(len(range_m)) + detection)
+    component, detection = np.divmod(key, len(range_m))
     return component.astype(np.int32), detection.astype(np.int32)
 
 

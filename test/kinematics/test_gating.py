@@ -265,3 +265,24 @@ def test_the_gate_ends_at_its_threshold(axis, offset):
         scan_of(ranges, azimuths, R, time_offset_s=offset), predictions_of(mean, covariance)
     )
     assert pairs.detection.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_looked_up_by_range_the_pairs_are_the_same(monkeypatch, seed):
+    """Noise of many sizes, gates that reach beyond all ranges, equal ranges, few detections."""
+    rng = np.random.default_rng(seed)
+    mean, covariance = random_states(rng, 40)
+    covariance *= 10.0 ** rng.uniform(-2.0, 3.0, 40)[:, None, None]
+    scan = random_scan(rng, mean, (0, 1, 20, 60, 60, 200)[seed])
+    scan.noise_covariance[:] = (
+        scan.noise_covariance * rng.uniform(0.1, 9.0, len(scan))[:, None, None]
+    )
+    scan.range_m[::3] = scan.range_m[0]
+    predictions = predictions_of(mean, covariance)
+    found = []
+    for limit in (10**9, 0):
+        monkeypatch.setattr("gda_tracker.kinematics.gating.MANY_PAIRS", limit)
+        found.append(gate(scan, predictions))
+    assert len(found[0].hypothesis) > 0
+    for name in ("hypothesis", "detection", "mahalanobis_squared", "log_likelihood"):
+        np.testing.assert_array_equal(*(getattr(pairs, name) for pairs in found))

@@ -34,6 +34,8 @@ def fitting_leaves(
     rows = (stages.size[slot] > step).nonzero()[0]
     slots = slot[rows]
     count = stages.count[step, slots]
+    if int(count.sum()) < DENSE:
+        return _one_by_one(stages, step, slots, mask, rows)
     new = np.ones(len(rows), dtype=np.bool_)
     new[1:] = slots[1:] != slots[:-1]
     begins = np.append(new.nonzero()[0], len(rows))
