@@ -82,13 +82,13 @@ test-nodes: setup-test ## test the node graph over DDS
 		-n $(NODE_JOBS) --dist worksteal $(ARGS) || [ $$? -eq 5 ]
 	$(test_environment) $(BIN)/python -m pytest test/nodes/test_kills.py $(ARGS) || [ $$? -eq 5 ]
 
-# What needs ROS, bags, a browser or the installed package is left out: test/nodes, test/io,
-# test/view/test_page.py, test_packaging.py.
+# What needs ROS, bags, a browser or the installed package is left out, and what takes long.
 .PHONY: test-oldest
 test-oldest: ## test the core with the oldest numpy and scipy, without ROS
 	@$(call locked,environment-oldest)
-	$(OLDEST)/bin/python -m pytest test --ignore=test/nodes --ignore=test/io \
-		--ignore=test/test_packaging.py --ignore=test/view/test_page.py -n $(JOBS) $(ARGS)
+	$(OLDEST)/bin/python -m pytest test --ignore=test/nodes --ignore=test/io --ignore=test/commands \
+		--ignore=test/test_packaging.py --ignore=test/view/test_page.py -m 'not slow' \
+		-n $(JOBS) $(ARGS)
 
 .PHONY: benchmark
 benchmark: setup ## measure latency, speed and tracking, also against Stone Soup (about 15 minutes)

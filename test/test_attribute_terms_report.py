@@ -13,6 +13,8 @@ from gda_tracker.simulation.scenarios import load_scenario
 from scripts import doc_tables, measure_history_policies
 from scripts import measure_attribute_terms as report
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def document(tmp_path):

@@ -25,6 +25,8 @@ from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary.scans import ScanKey, ScanTruth
 from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE, Tracks
 
+pytestmark = pytest.mark.slow
+
 # --- scenes ---------------------------------------------------------------------------------------
 
 

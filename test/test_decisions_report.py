@@ -15,6 +15,8 @@ from gda_tracker.simulation.simulate import simulate
 from gda_tracker.tracking.methods import default_method
 from scripts import measure_decisions as report
 
+pytestmark = pytest.mark.slow
+
 FEW = ("gda/none/cv", "mht/bayes/imm")
 
 

@@ -12,6 +12,8 @@ import pytest
 
 from gda_tracker.evidence.frames import parse_element
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "evidence-flow.md"
 MODULES = ("evidence_flow_case", "evidence_flow_page", "make_evidence_flow")

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from scripts import measure_jpda
+
+pytestmark = pytest.mark.slow
 
 
 def test_every_ring_differs_in_what_its_row_says(monkeypatch):

@@ -14,6 +14,8 @@ import yaml
 from gda_tracker.io.statement_files import read_statements
 from gda_tracker.vocabulary.statements import KINDS
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parent.parent
 RUNS = 20
 

@@ -11,6 +11,8 @@ from gda_tracker.parameters import from_mapping
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from scripts.measure_symptoms import AIRCRAFT, NO_CURES, ROWS, Laboratory, measure_row
 
+pytestmark = pytest.mark.slow
+
 DOCUMENT = Path(__file__).resolve().parent.parent / "docs" / "tuning.md"
 
 

@@ -28,6 +28,7 @@ def tracked(ring, scans):
     return results + ring.finish()
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(0.0, 1.9), min_size=20, max_size=20))
 def test_any_order_of_arrival_within_the_window_gives_the_same_tracks(delays):

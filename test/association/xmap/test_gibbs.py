@@ -158,6 +158,7 @@ def test_the_example_by_samples():
     np.testing.assert_allclose(found.pairs, exact.pairs, atol=0.01)
 
 
+@pytest.mark.slow
 def test_four_sensors_of_twelve_objects():
     rng = np.random.default_rng(0)
     model, data = random_scene(rng, (12,) * 4, [None] * 4, spread=30.0)
