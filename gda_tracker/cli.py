@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from gda_tracker import __version__
 from gda_tracker.errors import UserError
+from gda_tracker.threads import one_thread_of_linear_algebra
 
 
 @dataclass(frozen=True)
@@ -352,6 +353,7 @@ def build_parser(command: str | None = None) -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit code (2: wrong arguments or parameters)."""
+    one_thread_of_linear_algebra()
     arguments = sys.argv[1:] if arguments is None else arguments
     named = next((word for word in arguments if not word.startswith("-")), None)
     args = build_parser(named).parse_args(arguments)

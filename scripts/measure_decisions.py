@@ -285,8 +285,9 @@ def readme_table(results: Results) -> str:
             cells.append(cell)
         rows.append(cells)
     return (
-        f"`{command} --runs {results['runs']} --seed {results['seed']} {methods}`: track purity "
-        "with its standard error, and the paired gain over kinematics alone.\n\n"
+        f"```sh\n{command} \\\n    --runs {results['runs']} --seed {results['seed']} \\\n"
+        f"    {methods}\n```\n\n"
+        "Track purity with its standard error, and the paired gain over kinematics alone:\n\n"
         + markdown(["method", *SCENARIOS], rows)
     )
 

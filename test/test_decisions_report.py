@@ -129,7 +129,7 @@ def test_one_command_writes_everything(measured, tmp_path, monkeypatch, capsys):
     assert figures["runs"] == 2
     assert section(page, "scenarios") == report.scenarios_table(figures)
     assert "| walk | `map/none/cv` | no truth |" in section(page, "recordings")
-    assert section(readme, "measured").startswith("`gda-tracker evaluate crossing_targets")
+    assert section(readme, "measured").startswith("```sh\ngda-tracker evaluate crossing_targets")
     assert readme.read_text().endswith("-->\nafter\n")
     # Written again from the file, the same.
     before = page.read_text()

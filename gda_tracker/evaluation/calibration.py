@@ -23,6 +23,7 @@ from gda_tracker.association.xmap.problem import example, read_problem
 from gda_tracker.association.xmap.scoring import log_weights, probabilities, structure_of
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.cross_sensor import FERRY_6_2, CovarianceGenerator, simulate_scenes
+from gda_tracker.threads import THREAD_VARIABLES
 from gda_tracker.vocabulary.arrays import FloatArray
 
 EDGES = np.array(
@@ -44,7 +45,6 @@ CHUNK = 500
 FEW = 25.0
 """Below this variance the number of correct associations is judged as Poisson, not as normal."""
 
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Progress = Callable[[int], None]
 

@@ -10,7 +10,8 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+from gda_tracker.threads import THREAD_VARIABLES
+
 # The ring makes many small objects, and no cycles worth looking for after every 700 of them.
 GARBAGE_THRESHOLD = 100_000
 
