@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
 from pathlib import Path
 
@@ -42,6 +43,8 @@ def environment(tmp_path):
     made["ROS_LOG_DIR"] = str(tmp_path / "log")
     use_environment(made)
     yield made
+    # Nodes that wait for the garbage collector are still seen in their domain.
+    gc.collect()
     _remove_orphans()
     release_domain(int(made["ROS_DOMAIN_ID"]))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
@@ -12,6 +14,7 @@ from gda_tracker.io.bag_types import serialize
 from gda_tracker.io.messages import detections_from_message
 from gda_tracker.io.radar.input_parameters import POINT_CLOUD, RadarInputParameters
 from gda_tracker.io.radar.point_cloud import point_cloud_of_columns
+from gda_tracker.kinematics.rigid_transforms import RigidTransform
 from gda_tracker.nodes.radar_input import RadarInputNode
 from gda_tracker.nodes.runner import Nodes, private_environment, use_environment
 from gda_tracker.parameters import specifications
@@ -36,6 +39,8 @@ CASES = {
     "range_rate_used": (False, {}),
     "sensor_speed_mps": (5.0, MOVING),
     "sensor_speed_left_mps": (5.0, MOVING),
+    "sensor_position_m": ([100.0, 50.0, 0.0], {}),
+    "sensor_roll_pitch_yaw_deg": ([0.0, 0.0, 30.0], {}),
     "sensor_motion": ("estimated", {**MOVING, "sensor_speed_mps": 3.0}),
     "range_rate_reference": ("ground", {"sensor_speed_mps": 5.0}),
     "rcs_unit": ("m2", DBSM),
@@ -55,6 +60,8 @@ CASES = {
     "cluster_extent_m": (2.0, GROUPED),
     "cluster_range_rate_std_mps": (2.0, GROUPED),
 }
+# Tested one by one at the end.
+OTHERS = ("maximum_tilt_deg", "motion_interval_s", "tf_timeout_s")
 FIELDS = ("x", "y", "z", "range", "azimuth", "elevation", "range_rate", "rcs", "snr")
 
 
@@ -95,22 +102,29 @@ class Kept:
         self.messages.append(detections_from_message(message))
 
 
-@pytest.fixture(scope="module")
-def radar():
+@contextmanager
+def radar_with(**parameters):
     """The node, with what it publishes kept, in a domain of its own."""
     use_environment(private_environment())
-    with Nodes(lambda **o: [RadarInputNode({"input_type": POINT_CLOUD}, **o)]) as nodes:
+    made = {"input_type": POINT_CLOUD, **parameters}
+    with Nodes(lambda **o: [RadarInputNode(made, **o)]) as nodes:
         (node,) = nodes.nodes
         publisher, node._detections = node._detections, Kept()
         yield node
         node._detections = publisher
 
 
+@pytest.fixture(scope="module")
+def radar():
+    with radar_with() as node:
+        yield node
+
+
 def set_all(radar, values):
     """Set values, all others to their defaults."""
     declared = specifications(RadarInputParameters)
     live = {name: item.default for name, item in declared.items() if item.live}
-    kinds = {float: Parameter.Type.DOUBLE, str: Parameter.Type.STRING_ARRAY}
+    kinds = {float: Parameter.Type.DOUBLE_ARRAY, str: Parameter.Type.STRING_ARRAY}
     parameters = []
     for name, value in {**live, **values}.items():
         kind = kinds[declared[name].element_kind] if declared[name].is_list else None
@@ -140,7 +154,7 @@ def send(radar):
 
 def test_every_live_parameter_has_a_case():
     declared = specifications(RadarInputParameters)
-    assert sorted(CASES) == sorted(name for name, item in declared.items() if item.live)
+    assert sorted((*CASES, *OTHERS)) == sorted(n for n, item in declared.items() if item.live)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -155,3 +169,51 @@ def test_a_change_acts_on_the_next_message(name, radar):
     assert (after[1] != 0) == (name == "stamp_source")
     set_all(radar, base)
     assert send(radar) == before
+
+
+def test_a_smaller_tilt_is_allowed_from_the_next_message_on(radar):
+    tilted = {"sensor_roll_pitch_yaw_deg": [0.0, 20.0, 0.0], "elevation_used": False}
+    set_all(radar, tilted)
+    send(radar)
+    count = len(radar._detections.messages)
+    set_all(radar, {**tilted, "maximum_tilt_deg": 10.0})
+    radar._on_message(cloud(2 * 10**18))
+    assert len(radar._detections.messages) == count
+    assert radar.counters["tilted_too_far"] == 1
+    set_all(radar, tilted)
+    send(radar)
+
+
+def test_the_radars_own_speed_is_that_of_the_new_interval():
+    moving = {"sensor_motion": "tf", "pose_source": "tf", "range_rate_reference": "ground"}
+    with radar_with(**moving) as node:
+        buffer = node._listener.buffer
+        begin_ns = 10**18
+        for step in range(-20, 41):
+            # Ever faster along x: 0.5 m/s2 times the square of the time.
+            seconds = step / 10
+            moved = RigidTransform(np.array([0.5 * (seconds + 3.0) ** 2, 0.0, 0.0]))
+            buffer.add("map", "radar", begin_ns + step * 10**8, moved)
+
+        def rates(stamp_ns):
+            node._on_message(cloud(stamp_ns))
+            return node._detections.messages[-1].range_rate_mps
+
+        short = rates(begin_ns + 10**9)
+        node.set_parameters([Parameter("motion_interval_s", value=2.0)])
+        long = rates(begin_ns + 2 * 10**9)
+        node.set_parameters([Parameter("motion_interval_s", value=0.1)])
+        again = rates(begin_ns + 3 * 10**9)
+        # The speed at 1, 2 and 3 s is 4, 5 and 6 m/s; over 2 s before it is 1 m/s less.
+        assert np.abs(again - short).max() > 0.5
+        assert np.abs(long - short).max() < 0.2
+
+
+def test_a_scan_waits_no_longer_than_the_new_time_out():
+    with radar_with(pose_source="tf", tf_timeout_s=60.0) as node:
+        node._on_message(cloud(10**18))
+        assert len(node._waiting) == 1
+        node.set_parameters([Parameter("tf_timeout_s", value=0.0)])
+        node._work_off()
+        assert not node._waiting
+        assert sum(n for name, n in node.counters.items() if name.startswith("tf_")) == 1

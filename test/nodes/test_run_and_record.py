@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from graph_helpers import differences, offline, play, scenario_plays
+from graph_helpers import TIMEOUT_S, differences, offline, play, scenario_plays
 
 from gda_tracker.io.bags import read_bag
 from gda_tracker.nodes.runner import Nodes, parameter_file
@@ -60,7 +60,12 @@ def test_run_live_in_a_namespace_with_a_parameter_file(mode, environment, tmp_pa
             int(environment["ROS_DOMAIN_ID"]),
             ["--ros-args", "-r", "__ns:=/radar_1"],
         ) as nodes:
-            played = play(nodes, nodes.nodes[0])
+            source = nodes.nodes[0]
+            played = play(nodes, source)
+            # The track manager and both recorders.
+            assert nodes.spin_until(
+                lambda: source.count_subscribers("/radar_1/associations") == 3, TIMEOUT_S
+            )
         assert differences(played.tracks, offline(plays, parameters)) == []
     finally:
         said = [stop(record), stop(run)]

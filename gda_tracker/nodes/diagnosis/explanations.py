@@ -204,6 +204,30 @@ EXPLANATIONS: dict[str, Explanation] = {
     "stamp_stepped_back": _of(
         WARNING, "messages with a stamp before that of the one before", "one driver per topic"
     ),
+    "no_clock": _of(
+        ERROR,
+        "messages that came before there was a time: use_sim_time is true and /clock is silent",
+        "play the bag with --clock, or start with use_sim_time:=false",
+    ),
+    "tilted_too_far": _of(
+        ERROR,
+        "scans of a radar without elevation that is tilted by more than maximum_tilt_deg",
+        "mend the radar's pose, or gda-tracker params set maximum_tilt_deg=45",
+    ),
+    "tf_queue_full": _of(
+        ERROR,
+        "scans dropped because too many waited for their transforms",
+        "ros2 run tf2_ros tf2_echo map RADAR_FRAME: who publishes the radar's pose, and how late?",
+    ),
+    "rejected_reset": _of("", "scans that waited when somebody asked for a reset"),
+    "renewed_subscription": _of(
+        "", "subscriptions made anew because nothing was heard though somebody publishes"
+    ),
+    "topics_without_type": _of(
+        WARNING,
+        "topics that are not recorded because the package of their type is not installed",
+        "install the package that the log names",
+    ),
     "padding": _of("", "points at 0, 0, 0 that fill up the message"),
     "too_close": _of("", "detections closer than minimum_range_m"),
     "too_far": _of("", "detections beyond maximum_range_m"),
