@@ -9,8 +9,7 @@ BIN := $(VENV)/bin
 # Arguments for pytest, as in: make test-core ARGS="-k joint -x"
 ARGS ?=
 JOBS ?= $(shell nproc)
-# Graph tests wait more than they compute; every one has a ROS domain of its own. Nodes are killed
-# one after the other: two rings that lose and find nodes at a time disturb each other now and then.
+# Graph tests wait more than they compute; every one has a ROS domain of its own.
 # pytest ends with 5 where ARGS select nothing.
 NODE_JOBS ?= 2
 
@@ -55,7 +54,7 @@ demo: setup ## run the demo
 	@$(BIN)/gda-tracker demo
 
 .PHONY: test
-test: lint test-core test-nodes test-oldest ## run everything: lint, core, nodes, oldest numpy and scipy
+test: lint test-core test-nodes test-kills-beside-oldest ## run everything: lint, core, nodes, oldest numpy and scipy
 
 .PHONY: setup-test
 setup-test: ## the environment with the test tools
@@ -80,7 +79,22 @@ test-core: setup-test ## test everything that needs no running nodes
 test-nodes: setup-test ## test the node graph over DDS
 	$(test_environment) $(BIN)/python -m pytest test/nodes --ignore=test/nodes/test_kills.py \
 		-n $(NODE_JOBS) --dist worksteal $(ARGS) || [ $$? -eq 5 ]
+
+.PHONY: test-kills
+test-kills: setup-test ## kill nodes of the graph while scans are on their way (some minutes)
 	$(test_environment) $(BIN)/python -m pytest test/nodes/test_kills.py $(ARGS) || [ $$? -eq 5 ]
+
+# The one waits most of the time, the other computes.
+.PHONY: test-kills-beside-oldest
+test-kills-beside-oldest: setup-test
+	@$(call locked,environment-oldest)
+	@$(MAKE) --no-print-directory test-kills > build/test-kills.log 2>&1 & kills=$$!; \
+	trap "kill $$kills 2>/dev/null || true" EXIT; \
+	status=0; \
+	$(MAKE) --no-print-directory test-oldest || status=$$?; \
+	wait $$kills || status=$$?; \
+	cat build/test-kills.log; \
+	exit $$status
 
 # What needs ROS, bags, a browser or the installed package is left out, and what takes long.
 .PHONY: test-oldest

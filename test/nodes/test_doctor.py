@@ -38,12 +38,13 @@ PERIOD_S = 0.2
 
 
 def scan(number, sensor_id="radar", frame_id="radar_link", stamp_ns=None):
-    """Two targets, now."""
+    """Two targets, now, with the noise that the tracker expects."""
+    range_noise, azimuth_noise = np.random.default_rng(number).normal(size=(2, 2))
     return Detections(
         sensor_id,
         time.time_ns() if stamp_ns is None else stamp_ns,
-        np.array([3000.0 + number, 5000.0]),
-        np.array([0.1, 0.6]),
+        np.array([3000.0 + number, 5000.0]) + 30.0 * range_noise,
+        np.array([0.1, 0.6]) + 0.005 * azimuth_noise,
         rcs_m2=np.array([1.0, 4.0]),
         frame_id=frame_id,
         sequence=number + 1,
