@@ -64,7 +64,8 @@ class RingNode(LifecycleNode):
         self.counters: Counter[str] = Counter()
         self.active = False
         self._outputs: list[Any] = []
-        self._inputs: list[Hearing] = []
+        self._inputs: list[Any] = []
+        self._hearings: list[Hearing] = []
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.parameters = self._declare_parameters()
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -145,9 +146,14 @@ class RingNode(LifecycleNode):
         topic: str,
         callback: Callable[[Any], None],
         quality: QoSProfile,
+        sent_again: bool = False,
         **kw: Any,
     ) -> None:
-        """Subscribe while configured; the callback runs only while active."""
+        """Subscribe while configured; the callback runs only while active.
+
+        With ``sent_again`` the subscription is made anew where nothing is heard; only for topics
+        on which everything that is not answered comes again.
+        """
 
         def guarded(received: Any) -> None:
             if self.active:
@@ -163,17 +169,20 @@ class RingNode(LifecycleNode):
                 **kw,
             )
 
+        if not sent_again:
+            self._inputs.append(create(guarded))
+            return
         name = self.resolve_topic_name(topic)
 
         def publishers() -> frozenset[bytes]:
             found = self.get_publishers_info_by_topic(name)
             return frozenset(bytes(info.endpoint_gid) for info in found)
 
-        self._inputs.append(Hearing(create, self.destroy_subscription, guarded, publishers))
+        self._hearings.append(Hearing(create, self.destroy_subscription, guarded, publishers))
 
     def _renew_deaf_inputs(self) -> None:
         now = self.seconds()
-        for item in self._inputs:
+        for item in self._hearings:
             if item.check(now):
                 self.counters["renewed_subscription"] += 1
 
@@ -219,10 +228,12 @@ class RingNode(LifecycleNode):
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
         """Remove the topics."""
         for item in self._inputs:
-            item.close()
+            self.destroy_subscription(item)
+        for hearing in self._hearings:
+            hearing.close()
         for item in self._outputs:
             self.destroy_publisher(item)
-        self._inputs, self._outputs = [], []
+        self._inputs, self._hearings, self._outputs = [], [], []
         return super().on_cleanup(state)
 
     def autostart(self) -> None:

@@ -3,7 +3,9 @@
 When a node is killed and comes back, Fast DDS 2.14 now and then counts it as matched and sends it
 nothing, for ever: seen about once in a hundred kills, with the publisher of another process that
 had lived on. A new subscription makes the publisher look at its readers again. Only inputs that
-have heard nothing at all since they were opened are touched, so nothing can get lost by it.
+have heard nothing at all since they were opened are touched, and only those whose messages come
+again until they are answered: in the tests recorders with two subscriptions, the former and the new
+one, at times heard nothing of a topic.
 """
 
 from __future__ import annotations

@@ -112,6 +112,7 @@ class TrackManagerNode(RingNode):
             "detections",
             self._on_detections,
             sensor(p.detections_depth, p.detections_reliability),
+            sent_again=True,
             event_callbacks=SubscriptionEventCallbacks(
                 message_lost=self._on_lost, use_default_callbacks=False
             ),

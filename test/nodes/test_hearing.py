@@ -82,7 +82,7 @@ class Listening(RingNode):
         self.received = []
 
     def open_topics(self):
-        self.subscribe(String, "text", lambda m: self.received.append(m.data), stream())
+        self.subscribe(String, "text", lambda m: self.received.append(m.data), stream(), True)
 
 
 class Talking(RingNode):
