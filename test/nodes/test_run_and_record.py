@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from graph_helpers import TIMEOUT_S, differences, offline, play, scenario_plays
 
 from gda_tracker.io.bags import read_bag
@@ -14,6 +15,7 @@ from gda_tracker.nodes.runner import Nodes, parameter_file
 from gda_tracker.nodes.scan_source import ScanSourceNode
 
 METHOD = "map/bayes/cv"
+LATCHED = ("/radar_1/scans", "/radar_1/associations")
 
 
 def start(environment, *arguments):
@@ -60,20 +62,25 @@ def test_run_live_in_a_namespace_with_a_parameter_file(mode, environment, tmp_pa
             int(environment["ROS_DOMAIN_ID"]),
             ["--ros-args", "-r", "__ns:=/radar_1"],
         ) as nodes:
-            source = nodes.nodes[0]
+            source, complete = nodes.nodes[0], set()
+
+            def told(message):
+                for status in message.status:
+                    values = {item.key: item.value for item in status.values}
+                    if {f"recorded {topic}" for topic in LATCHED} <= set(values):
+                        complete.add(values["bag"])
+
+            source.create_subscription(DiagnosticArray, "/diagnostics", told, 10)
             played = play(nodes, source)
-            # The track manager and both recorders.
-            assert nodes.spin_until(
-                lambda: source.count_subscribers("/radar_1/associations") == 3, TIMEOUT_S
-            )
+            # Latched topics: who comes late still gets the last of them.
+            assert nodes.spin_until(lambda: complete == {str(bag), str(recorded)}, TIMEOUT_S)
         assert differences(played.tracks, offline(plays, parameters)) == []
     finally:
         said = [stop(record), stop(run)]
     assert "messages in" in said[0]
     for folder in (bag, recorded):
         topics = {record.topic for record in read_bag(folder)}
-        # Latched topics: who comes late still gets the last of them.
-        assert {"/radar_1/scans", "/radar_1/associations"} <= topics
+        assert set(LATCHED) <= topics
 
 
 def test_run_refuses_a_wrong_method(environment):
