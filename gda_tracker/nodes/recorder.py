@@ -17,7 +17,6 @@ from gda_tracker.nodes.base import RingNode, spin_node
 from gda_tracker.nodes.qualities import latched, sensor, stream
 from gda_tracker.parameters import ParameterError, parameter
 
-DEPTH = 100
 FLUSH_PERIOD_S = 2.0
 
 # Topic -> message and the quality it is subscribed with.
@@ -79,10 +78,8 @@ class RecorderNode(RingNode):
             self._writer.add_topic(
                 BagTopic(name, type_name, depth=1 if kept else 100, transient_local=kept)
             )
-            # Of a latched topic too, no message may push another one out before it is taken.
-            deep = latched(DEPTH) if kept else quality
             self.subscribe(
-                message, topic, lambda data, name=name: self._record(name, data), deep, raw=True
+                message, topic, lambda data, name=name: self._record(name, data), quality, raw=True
             )
 
     def _further(self) -> dict[str, tuple[type, QoSProfile]]:
