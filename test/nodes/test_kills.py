@@ -19,6 +19,19 @@ from gda_tracker.nodes.scan_source import ScanSourceNode
 from gda_tracker.resources import resource
 
 KILLS_PER_STAGE = 10
+# About once in a hundred kills Fast DDS 2.14 sends a node that came back nothing, for ever. Who runs
+# nodes starts such a one again, and so does this test: what it is about is that nothing is lost.
+FOUND_S, RESTARTS = 30.0, 3
+
+
+def reached(nodes, ring, victim, source, answered):
+    """Whether so many scans are answered; a victim that is not found is killed once more."""
+    for _ in range(RESTARTS):
+        if nodes.spin_until(lambda: source.progress.answered >= answered, FOUND_S):
+            return True
+        ring.kill(victim)
+        ring.start(victim)
+    return nodes.spin_until(lambda: source.progress.answered >= answered, TIMEOUT_S)
 
 
 @pytest.fixture
@@ -53,10 +66,11 @@ def test_killed_and_restarted(victim, without_shared_memory, tmp_path):
         source = nodes.nodes[0]
         for moment in sorted(moments):
             # The next scan goes out with the answer that ends this wait.
-            reached = nodes.spin_until(lambda m=moment: source.progress.answered >= m, TIMEOUT_S)
-            assert reached, f"stuck at {source.progress.answered} answered scans, before {moment}"
+            found = reached(nodes, ring, victim, source, moment)
+            assert found, f"stuck at {source.progress.answered} answered scans, before {moment}"
             ring.kill(victim)
             ring.start(victim)
+        assert reached(nodes, ring, victim, source, max(moments) + 1)
         played = play(nodes, source, ring)
     assert differences(played.tracks, expected) == []
     assert {r.outcome for r in played.reports} == {"tracked"}
@@ -78,9 +92,10 @@ def test_a_track_manager_killed_among_statements(without_shared_memory, tmp_path
     ):
         source = nodes.nodes[0]
         for moment in (4, 9, 14):
-            assert nodes.spin_until(lambda m=moment: source.progress.answered >= m, TIMEOUT_S)
+            assert reached(nodes, ring, "track_manager", source, moment)
             ring.kill("track_manager")
             ring.start("track_manager")
+        assert reached(nodes, ring, "track_manager", source, 15)
         played = play(nodes, source, ring)
     assert differences(played.tracks, expected) == []
     assert len(played.progress.statement_reports) == len(plays[0].statements)
