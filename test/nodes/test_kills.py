@@ -19,8 +19,8 @@ from gda_tracker.nodes.scan_source import ScanSourceNode
 from gda_tracker.resources import resource
 
 KILLS_PER_STAGE = 10
-# About once in a hundred kills Fast DDS 2.14 sends a node that came back nothing, for ever. Who runs
-# nodes starts such a one again, and so does this test: what it is about is that nothing is lost.
+# About once in a hundred kills Fast DDS 2.14 sends a node that came back nothing, for ever. Who
+# runs nodes starts such a one again, and so does this test: it is about nothing being lost.
 FOUND_S, RESTARTS = 30.0, 3
 
 
