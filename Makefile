@@ -31,6 +31,11 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 say := @printf '[setup] %s\n'
 # Twice quiet: errors only.
 pip := $(BIN)/python -m pip --quiet --quiet --no-input
+# $(call install,environment,arguments): uv takes a fraction of the time of pip. It knows nothing of
+# pip's settings (mirrors), so what it cannot install is left to pip.
+install = $(1)/bin/python -m uv --quiet pip install --python $(1)/bin/python $(2) || \
+	$(1)/bin/python -m pip --quiet --quiet --no-input install $(2)
+install_uv = $(1)/bin/python -m pip --quiet --quiet --no-input install --requirement requirements/uv.txt
 
 # ---------------------------------------------------------------- what users call
 
@@ -165,6 +170,7 @@ $(STAMPS)/venv:
 	@python=$$(requirements/check-tools.sh) && \
 		printf '[setup] creating $(VENV) with %s\n' "$$($$python --version)" && \
 		$$python -m venv --clear $(VENV)
+	@$(call install_uv,$(VENV))
 	@rm -rf $(SCRATCH)
 	@mkdir -p $(STAMPS)
 	@echo '$(CURDIR)' > $@
@@ -175,8 +181,8 @@ install_requirements := requirements/ros.txt requirements/build.txt requirements
 $(STAMPS)/wheels: $(STAMPS)/venv $(install_requirements) requirements/constraints.txt \
 		requirements/gda_tracker_venv.py
 	$(say) 'installing ROS 2 Jazzy, numpy and scipy (about 130 packages, one minute)'
-	@$(pip) install --constraint requirements/constraints.txt \
-		$(addprefix --requirement ,$(install_requirements))
+	@$(call install,$(VENV),--constraint requirements/constraints.txt \
+		$(addprefix --requirement ,$(install_requirements)))
 	@site=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
 		cp requirements/gda_tracker_venv.py "$$site" && \
 		echo 'import gda_tracker_venv' > "$$site/gda_tracker_venv.pth"
@@ -184,13 +190,14 @@ $(STAMPS)/wheels: $(STAMPS)/venv $(install_requirements) requirements/constraint
 
 $(STAMPS)/test: $(STAMPS)/wheels requirements/test.txt
 	$(say) 'installing the test tools'
-	@$(pip) install --constraint requirements/constraints.txt --requirement requirements/test.txt
+	@$(call install,$(VENV),--constraint requirements/constraints.txt \
+		--requirement requirements/test.txt)
 	@touch $@
 
 $(STAMPS)/benchmark: $(STAMPS)/wheels requirements/benchmark.txt
 	$(say) 'installing Stone Soup'
-	@$(pip) install --constraint requirements/constraints.txt \
-		--requirement requirements/benchmark.txt
+	@$(call install,$(VENV),--constraint requirements/constraints.txt \
+		--requirement requirements/benchmark.txt)
 	@touch $@
 
 # A list of files changes when one is added or removed, which time stamps do not show.
@@ -289,10 +296,11 @@ $(OLDEST)/.stamps/venv:
 		python=$${python:-$$(requirements/check-tools.sh)}; \
 		printf '[setup] creating $(OLDEST) with %s\n' "$$($$python --version)"; \
 		$$python -m venv --clear $(OLDEST)
+	@$(call install_uv,$(OLDEST))
 	@mkdir -p $(@D)
 	@echo '$(CURDIR)' > $@
 
 $(OLDEST)/.stamps/oldest: $(OLDEST)/.stamps/venv requirements/oldest.txt
 	$(say) 'installing the oldest supported numpy and scipy'
-	@$(OLDEST)/bin/python -m pip --quiet --quiet --no-input install --requirement requirements/oldest.txt
+	@$(call install,$(OLDEST),--requirement requirements/oldest.txt)
 	@touch $@
