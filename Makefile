@@ -224,7 +224,7 @@ build_messages = PATH="$(CURDIR)/$(BIN):$$PATH" AMENT_PREFIX_PATH="$(CURDIR)/$(V
 			-DCMAKE_INSTALL_RPATH="\$$ORIGIN;\$$ORIGIN/../../.." \
 			-DCMAKE_PROJECT_INCLUDE="$(CURDIR)/cmake/drop_missing_include_directories.cmake" \
 			-DPython3_EXECUTABLE="$(CURDIR)/$(BIN)/python" \
-			-DBUILD_TESTING=OFF && \
+			-DBUILD_TESTING=OFF -DPYTHON_ONLY=ON --no-warn-unused-cli && \
 		cmake --build $(SCRATCH)/$(2) --parallel $(JOBS) && \
 		if [ -f $(STAMPS)/$(2).manifest ]; then \
 			xargs -d "\n" rm -f < $(STAMPS)/$(2).manifest; \

@@ -35,6 +35,8 @@ BUILD = """cmake_minimum_required(VERSION 3.16)
 project({name})
 find_package(ament_cmake REQUIRED)
 find_package(rosidl_default_generators REQUIRED)
+# For Python alone: half of the work.
+list(FILTER AMENT_EXTENSIONS_rosidl_generate_idl_interfaces EXCLUDE REGEX "_cpp:")
 {finds}
 rosidl_generate_interfaces(${{PROJECT_NAME}}
   {files}
