@@ -19,6 +19,7 @@ NODES = (
     "recorder",
     "radar_input",
     "track_output",
+    "markers",
 )
 
 

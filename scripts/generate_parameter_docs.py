@@ -15,7 +15,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from gda_tracker.io.markers.parameters import MarkerParameters  # noqa: E402
 from gda_tracker.io.parameter_files import (  # noqa: E402
+    MARKERS,
     RADAR_INPUT,
     TRACK_OUTPUT,
     parameter_yaml,
@@ -38,6 +40,7 @@ HEADS = {
 }
 RADAR = {RADAR_INPUT: RadarInputParameters}
 OUTPUT = {TRACK_OUTPUT: TrackOutputParameters}
+MARKER_LAYERS = {MARKERS: MarkerParameters}
 RADAR_HEAD = (
     "# What the fields of a radar mean, with the defaults of node radar_input. Presets of known\n"
     "# radars are in params/presets; gda-tracker inspect --yaml writes one for yours.\n"
@@ -109,7 +112,9 @@ def wanted() -> dict[Path, str]:
         "## Radar input\n\nWhat the fields of a radar mean ([radars.md](radars.md)).\n\n"
         f"{tables(None, RADAR)}\n\n"
         "## Track output\n\nTracks in the formats of others ([integration.md](integration.md)).\n\n"
-        f"{tables(None, OUTPUT)}\n",
+        f"{tables(None, OUTPUT)}\n\n"
+        "## Markers\n\nLayers for RViz and Foxglove ([layers.md](layers.md)).\n\n"
+        f"{tables(None, MARKER_LAYERS)}\n",
         radars: f"{radars_before}{PRESETS_BEGIN}\n{preset_table()}\n{PRESETS_END}{radars_after}",
         ROOT / "params" / "radar_input.yaml": RADAR_HEAD + parameter_yaml(RADAR, advanced=None),
         ROOT / "params" / "basic.yaml": HEADS[False] + parameter_yaml(STAGE_TABLES, advanced=False),

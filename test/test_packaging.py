@@ -24,6 +24,7 @@ NODES = (
     "association",
     "attribute_fusion",
     "evaluator",
+    "markers",
     "radar_input",
     "rcs_fuzzifier",
     "recorder",

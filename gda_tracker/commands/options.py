@@ -14,6 +14,8 @@ from gda_tracker.tracking.ring import stage_parameters
 RADAR_INPUT = "radar_input"
 # Node that gives tracks out in the formats of others.
 TRACK_OUTPUT = "track_output"
+# Node that shows what the tracker does as markers.
+MARKERS = "markers"
 
 Parameters = dict[str, dict[str, Any]]
 
@@ -67,8 +69,8 @@ def gather_parameters(
 
         for node, values in read_parameter_file(params).items():
             merged[node] = {**merged.get(node, {}), **values}
-    merged.pop(RADAR_INPUT, None)
-    merged.pop(TRACK_OUTPUT, None)
+    for node in (RADAR_INPUT, TRACK_OUTPUT, MARKERS):
+        merged.pop(node, None)
     if method is not None:
         merged["track_manager"] = {**merged.get("track_manager", {}), **parse_method(method)}
     stage_parameters(merged)

@@ -12,10 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from gda_tracker.commands.options import (
+    MARKERS,
     Parameters,
     add_parameter_options,
     add_preset_option,
     gather_parameters,
+    node_of_file,
     radar_input_of_file,
 )
 from gda_tracker.commands.progress import progress_bar
@@ -75,6 +77,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--bag", type=Path, metavar="FOLDER", help="record all topics (not offline)"
     )
     parser.add_argument(
+        "--markers",
+        action="store_true",
+        help="with --bag: record the layers for RViz and Foxglove too (docs/layers.md)",
+    )
+    parser.add_argument(
         "--domain", type=int, metavar="N", help="ROS domain to use; default: one of its own"
     )
     parser.add_argument(
@@ -112,6 +119,8 @@ def run(args: argparse.Namespace) -> int:
     """Replay and print a summary."""
     if args.offline and args.bag:
         raise UserError("--bag: there are no topics to record with --offline")
+    if args.markers and not args.bag:
+        raise UserError("--markers: allowed with --bag, into which they are recorded")
     if args.association_log and not args.offline:
         raise UserError(
             "--association-log: allowed with --offline alone, which makes the same tracks"
@@ -266,7 +275,14 @@ def _through_the_nodes(
             return [source]
         from gda_tracker.nodes.recorder import RecorderNode
 
-        return [source, RecorderNode({"bag": str(args.bag)}, **options)]
+        if not args.markers:
+            return [source, RecorderNode({"bag": str(args.bag)}, **options)]
+        from gda_tracker.io.markers.parameters import marker_topics
+        from gda_tracker.nodes.markers import MarkersNode
+
+        of_markers = node_of_file(args.params, MARKERS) or {}
+        recorded = {"bag": str(args.bag), "also": marker_topics()}
+        return [source, MarkersNode(of_markers, **options), RecorderNode(recorded, **options)]
 
     with (
         RingProcesses(parameters, environment) as ring,

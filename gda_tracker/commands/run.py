@@ -7,6 +7,7 @@ import sys
 import time
 
 from gda_tracker.commands.options import (
+    MARKERS,
     RADAR_INPUT,
     TRACK_OUTPUT,
     Parameters,
@@ -47,6 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(radar_msgs/RadarTracks), detections_3d (vision_msgs/Detection3DArray), tracked_objects "
         "(autoware_perception_msgs/TrackedObjects); what the classes are called stands in "
         "parameters of node track_output",
+    )
+    parser.add_argument(
+        "--markers",
+        action="store_true",
+        help="publish what the tracker does as visualization_msgs/MarkerArray, a topic per layer "
+        "below markers/, for RViz and Foxglove; with --bag they are recorded too (docs/layers.md)",
     )
     add_preset_option(parser)
     add_parameter_options(parser)
@@ -121,6 +128,8 @@ def _parameters(args: argparse.Namespace) -> Parameters:
     if any(of_output.get(name) for name in OUTPUTS):
         from_mapping(TrackOutputParameters, of_output)
         parameters[TRACK_OUTPUT] = of_output
+    if args.markers:
+        parameters[MARKERS] = node_of_file(args.params, MARKERS) or {}
     if not args.input:
         return parameters
     of_radar = {**preset.get(RADAR_INPUT, {}), **(of_file or {}), "input_topic": args.input}
@@ -158,6 +167,10 @@ def _recorder(parameters: Parameters, bag: str | None, **options: object) -> lis
     also = [
         f"{of_output[name]}={kind}" for name, (kind, _) in FORMATS.items() if of_output.get(name)
     ]
+    if MARKERS in parameters:
+        from gda_tracker.io.markers.parameters import marker_topics
+
+        also += marker_topics()
     return [RecorderNode({"bag": bag, "also": also}, **options)]
 
 
@@ -172,11 +185,19 @@ def _beside_the_ring(parameters: Parameters, **options: object) -> list[object]:
         from gda_tracker.nodes.track_output import TrackOutputNode
 
         found.append(TrackOutputNode(parameters[TRACK_OUTPUT], **options))
+    if MARKERS in parameters:
+        from gda_tracker.nodes.markers import MarkersNode
+
+        found.append(MarkersNode(parameters[MARKERS], **options))
     return found
 
 
 def _what(parameters: Parameters) -> str:
-    names = {RADAR_INPUT: "the radar input", TRACK_OUTPUT: "the track output"}
+    names = {
+        RADAR_INPUT: "the radar input",
+        TRACK_OUTPUT: "the track output",
+        MARKERS: "the markers",
+    }
     return " and ".join(
         ["four nodes", *(text for node, text in names.items() if node in parameters)]
     )
@@ -225,7 +246,7 @@ def _run_processes(parameters: Parameters, remap: list[str], bag: str | None) ->
             )
             ring.start(stage)
 
-    beside = [node for node in (RADAR_INPUT, TRACK_OUTPUT) if node in parameters]
+    beside = [node for node in (RADAR_INPUT, TRACK_OUTPUT, MARKERS) if node in parameters]
     stages = (*STAGES, *beside)
     with RingProcesses(parameters, arguments=remap, stages=stages) as ring:
         print(f"gda-tracker run: {len(stages)} processes, {_waits(parameters)}")

@@ -12,13 +12,21 @@ from pathlib import Path
 from typing import Any
 
 from gda_tracker.errors import UserError
-from gda_tracker.io.parameter_files import RADAR_INPUT, TRACK_OUTPUT, read_parameter_file
+from gda_tracker.io.markers.parameters import LAYERS, marker_topic, marker_topics
+from gda_tracker.io.parameter_files import (
+    MARKERS,
+    RADAR_INPUT,
+    TRACK_OUTPUT,
+    read_parameter_file,
+)
 from gda_tracker.resources import resource
 from gda_tracker.tracking.ring import STAGE_TABLES
 
 STAGES = tuple(STAGE_TABLES)
 OUTPUTS = ("radar_tracks", "detections_3d", "tracked_objects")
 PROCESSES = ("four", "one")
+# Markers of the scenarios are this much larger than those of a road.
+DEMO_SCALE = 100.0
 SWITCHES = {"true": True, "1": True, "false": False, "0": False}
 
 
@@ -63,7 +71,8 @@ TRACKER_ARGUMENTS = (
     Argument("bag", "", "bag that is played, with its clock"),
     Argument("record", "", "folder of a bag into which all topics are recorded"),
     Argument("outputs", "", f"formats beside tracks, with commas between: {', '.join(OUTPUTS)}"),
-    Argument("rviz", "false", "true: start RViz too"),
+    Argument("rviz", "false", "true: start RViz too, and the node markers for it"),
+    Argument("markers", "false", "true: start the node markers, and record them with record"),
     Argument("autostart", "true", "false: nodes wait for their lifecycle transitions"),
     Argument("processes", "four", "four: one process per node; one: all nodes in one process"),
 )
@@ -73,7 +82,7 @@ DEMO_ARGUMENTS = (
     Argument("rate", "1.0", "speed relative to the scenario's time; 0: as fast as it goes"),
     Argument("namespace", "", "namespace of nodes and topics"),
     Argument("record", "", "folder of a bag into which all topics are recorded"),
-    Argument("rviz", "false", "true: start RViz too"),
+    Argument("rviz", "false", "true: start RViz too, and the node markers for it"),
 )
 
 
@@ -99,11 +108,12 @@ def tracker_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> P
     for name in outputs:
         if name not in OUTPUTS:
             raise LaunchError(f"outputs:={name}: allowed is one of {', '.join(OUTPUTS)}")
-    plan = _plan(values, environment)
+    rviz, markers = _switch(values, "rviz"), _switch(values, "markers")
+    plan = _plan(values, environment, sim_time)
     if values["processes"] == "one":
         if not autostart:
             raise LaunchError("autostart:=false: allowed with processes:=four only")
-        plan.programs.append(_run_command(values, outputs, sim_time))
+        plan.programs.append(_run_command(values, outputs, sim_time, markers or rviz))
     elif values["processes"] == "four":
         common = {"use_sim_time": sim_time, "autostart": autostart}
         nodes: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
@@ -111,8 +121,10 @@ def tracker_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> P
             nodes[RADAR_INPUT] = {"input_topic": values["topic"]}
         if outputs:
             nodes[TRACK_OUTPUT] = {name: name for name in outputs}
+        if markers or rviz:
+            nodes[MARKERS] = {}
         plan.nodes += [NodePlan(node, [*files, {**own, **common}]) for node, own in nodes.items()]
-        _record(plan, values["record"], outputs)
+        _record(plan, values["record"], outputs, markers)
     else:
         raise LaunchError(
             f"processes:={values['processes']}: allowed is one of {', '.join(PROCESSES)}"
@@ -148,7 +160,10 @@ def demo_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan
     tables = stage_parameters(parameters)
     manager = tables["track_manager"]
     method = f"{manager.decision}/{manager.attribute_term}/{manager.filter}"
-    plan = _plan(values, environment)
+    plan = _plan(values, environment, sim_time=False)
+    if _switch(values, "rviz"):
+        # A scenario is seen from 10 km and more.
+        plan.nodes.append(NodePlan(MARKERS, [{"scale": DEMO_SCALE}]))
     for stage in STAGES:
         # In the declared types; launch takes no empty lists, which are the defaults anyway.
         own = {name: getattr(tables[stage], name) for name in parameters.get(stage, {})}
@@ -160,7 +175,7 @@ def demo_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan
     return plan
 
 
-def _plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan:
+def _plan(values: Mapping[str, str], environment: Mapping[str, str], sim_time: bool) -> Plan:
     """Return a plan of what both launch files start."""
     plan = Plan(values["namespace"].strip("/"))
     spellings = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
@@ -168,9 +183,19 @@ def _plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan:
         # A shared-memory segment that large scans fit into.
         plan.environment = dict.fromkeys(spellings, str(resource("params", "fastdds.xml")))
     if _switch(values, "rviz"):
-        configuration = sorted(resource("launch").glob("*.rviz"))
-        plan.programs.append(["rviz2", *(["-d", str(configuration[0])] if configuration else [])])
+        plan.programs.append(_rviz_command(plan.namespace, sim_time))
     return plan
+
+
+def _rviz_command(namespace: str, sim_time: bool) -> list[str]:
+    """Return the command that starts RViz with all layers; their topics move with the namespace."""
+    command = ["rviz2", "-d", str(resource("launch", "tracker.rviz")), "--ros-args"]
+    command += ["-p", f"use_sim_time:={str(sim_time).lower()}"]
+    if namespace:
+        for layer in LAYERS:
+            topic = marker_topic(layer)
+            command += ["-r", f"/{topic}:=/{namespace}/{topic}"]
+    return command
 
 
 def _switch(values: Mapping[str, str], name: str, otherwise: bool | None = None) -> bool:
@@ -196,18 +221,22 @@ def _parameter_files(preset: str, params: str) -> list[str | dict[str, Any]]:
     return files
 
 
-def _record(plan: Plan, folder: str, outputs: list[str]) -> None:
+def _record(plan: Plan, folder: str, outputs: list[str], markers: bool = False) -> None:
     from gda_tracker.io.track_outputs import FORMATS
 
     if folder:
         # A bag is begun once: a second start would find its folder.
         own: dict[str, Any] = {"bag": folder}
-        if outputs:
-            own["also"] = [f"{name}={FORMATS[name][0]}" for name in outputs]
+        also = [f"{name}={FORMATS[name][0]}" for name in outputs]
+        also += marker_topics() if markers else []
+        if also:
+            own["also"] = also
         plan.nodes.append(NodePlan("recorder", [own], respawn=False))
 
 
-def _run_command(values: Mapping[str, str], outputs: list[str], sim_time: bool) -> list[str]:
+def _run_command(
+    values: Mapping[str, str], outputs: list[str], sim_time: bool, markers: bool
+) -> list[str]:
     command = ["gda-tracker", "run"]
     for option, name in (
         ("--input", "topic"),
@@ -220,4 +249,4 @@ def _run_command(values: Mapping[str, str], outputs: list[str], sim_time: bool) 
             command += [option, values[name]]
     for name in outputs:
         command += ["--output", name]
-    return [*command, *(["--use-sim-time"] * sim_time)]
+    return [*command, *(["--use-sim-time"] * sim_time), *(["--markers"] * markers)]

@@ -36,6 +36,8 @@ OF_EVERY_NODE = ("autostart", "use_sim_time", "start_type_description_service", 
 RADAR_INPUT = "radar_input"
 # The node that gives tracks out in the formats of others.
 TRACK_OUTPUT = "track_output"
+# The node that shows what the tracker does as markers.
+MARKERS = "markers"
 
 Values = dict[str, dict[str, Any]]
 
@@ -52,7 +54,8 @@ def stage_tables() -> dict[str, type]:
 
 
 def known_tables() -> dict[str, type]:
-    """Return the tables that a parameter file may hold: those of the ring, its input and output."""
+    """Return the tables that a parameter file may hold: those of the ring, its input, outputs."""
+    from gda_tracker.io.markers.parameters import MarkerParameters
     from gda_tracker.io.radar.input_parameters import RadarInputParameters
     from gda_tracker.io.track_output_parameters import TrackOutputParameters
 
@@ -60,6 +63,7 @@ def known_tables() -> dict[str, type]:
         **stage_tables(),
         RADAR_INPUT: RadarInputParameters,
         TRACK_OUTPUT: TrackOutputParameters,
+        MARKERS: MarkerParameters,
     }
 
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gda_tracker.kinematics.gating import gate_threshold
-from gda_tracker.kinematics.sensor_models import polar_measurements, predicted_measurements
+from gda_tracker.kinematics.sensor_models import polar_measurements
+from gda_tracker.tracking.gates import Gates, gates_of
 from gda_tracker.tracking.ring import RingResult
-from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray, empty_floats
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, empty_floats
 from gda_tracker.vocabulary.beliefs import AttributeScores
 from gda_tracker.vocabulary.hypotheses import Associations, AssociationSettings, Predictions
 from gda_tracker.vocabulary.scans import Scan, ScanReport
@@ -36,21 +36,6 @@ class Sightings:
     rcs_m2: FloatArray
     range_rate_mps: FloatArray
     source_index: Int32Array
-
-
-@dataclass(slots=True)
-class Gates:
-    """The gates of G tracks: (z - h)' S^-1 (z - h) <= threshold over range and azimuth (14.1).
-
-    ``range_m``, ``azimuth_rad`` (G,) the predicted measurement h, ``covariance`` (G, 2, 2) S with
-    the scan's median noise [m2, m rad, rad2].
-    """
-
-    track_id: IntArray
-    range_m: FloatArray
-    azimuth_rad: FloatArray
-    covariance: FloatArray
-    threshold: float
 
 
 @dataclass(slots=True)
@@ -110,7 +95,7 @@ def picture_of(result: RingResult, previous: Tracks | None = None) -> Picture | 
     if predictions is None:
         return picture
     picture.settings = predictions.settings
-    picture.gates = _gates(scan, predictions, previous)
+    picture.gates = gates_of(scan, predictions, previous)
     if result.associations is not None:
         picture.decision = _decision(predictions, result.scores, result.associations)
     return picture
@@ -131,41 +116,6 @@ def _sightings(scan: Scan) -> Sightings:
         np.full(len(scan), np.nan) if rate is None else rate,
         scan.source_index,
     )
-
-
-def _gates(scan: Scan, predictions: Predictions, previous: Tracks | None) -> Gates | None:
-    """Gates of the leading hypotheses; none without a detection, whose noise is a part of them."""
-    if not len(scan):
-        return None
-    rows = _leading(predictions, previous)
-    noise = np.median(polar_measurements(scan).covariance, axis=0)
-    # Of the components of a mixture the heaviest.
-    start = predictions.component_start
-    owner = np.repeat(np.arange(len(predictions)), np.diff(start))
-    order = np.lexsort((-predictions.component_weight, owner))
-    component = order[start[:-1]][rows]
-    predicted = predicted_measurements(
-        predictions.component_mean[component, :2],
-        predictions.component_covariance[component, :2, :2],
-        scan.sensor_position_m[:2],
-    )
-    return Gates(
-        predictions.track_id[rows],
-        predicted.range_m,
-        predicted.azimuth_rad,
-        predicted.covariance + noise,
-        gate_threshold(predictions.settings.gate_probability),
-    )
-
-
-def _leading(predictions: Predictions, previous: Tracks | None) -> IntArray:
-    """One row per track, by rising id: of the hypothesis that spoke for it, else the first."""
-    spoke = np.zeros(len(predictions), dtype=bool)
-    if previous is not None:
-        spoke = np.isin(predictions.hypothesis_id, previous.hypothesis_id)
-    order = np.lexsort((~spoke, predictions.track_id))
-    _, first = np.unique(predictions.track_id[order], return_index=True)
-    return np.asarray(order[first], dtype=np.int64)
 
 
 def _decision(

@@ -253,7 +253,10 @@ EXPLANATIONS: dict[str, Explanation] = {
     "resent": _of(NOTE, "scans that the source sent again, since no answer came"),
     "statement_resent": _of(NOTE, "statements that the source sent again"),
     "too_many_scans": _of(NOTE, "scans that the evaluator does not score any more"),
-    "malformed_tracks": _of(ERROR, "tracks that the evaluator cannot read", _VERSIONS),
+    "malformed_tracks": _of(ERROR, "tracks that a node cannot read", _VERSIONS),
+    "not_drawn": _of(
+        WARNING, "messages with tracks that are not shown: their state is not finite", _VERSIONS
+    ),
     "malformed_truth": _of(ERROR, "truth that the evaluator cannot read", _VERSIONS),
 }
 

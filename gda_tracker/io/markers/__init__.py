@@ -1,0 +1,1 @@
+"""What the tracker knows, as ``visualization_msgs/MarkerArray``, one array per layer."""
