@@ -24,15 +24,13 @@ from gda_tracker.io.radar.frames import RadarFrame, detections_of_frame
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
 from gda_tracker.io.radar.messages import RadarMessageError, frame_of_message
 from gda_tracker.io.radar.point_cloud import PointCloudError
-from gda_tracker.io.radar.sensor_pose import SensorPose, TiltError, sensor_pose
-from gda_tracker.kinematics.transform_buffer import (
-    MAY_STILL_COME,
-    TransformBuffer,
-    TransformError,
-)
+from gda_tracker.io.radar.sensor_pose import SensorPose, TiltError, counted_reason, sensor_pose
+from gda_tracker.kinematics.odometry_buffer import OdometryError
+from gda_tracker.kinematics.transform_buffer import TransformError
 from gda_tracker.nodes.asterix_listener import LOOK_PERIOD_S as UDP_PERIOD_S
 from gda_tracker.nodes.asterix_listener import AsterixListener
 from gda_tracker.nodes.base import STAGE_ERRORS, RingNode, spin_node
+from gda_tracker.nodes.odometry_listener import OdometryListener
 from gda_tracker.nodes.qualities import sensor, stream
 from gda_tracker.nodes.services import offer
 from gda_tracker.nodes.topic_listener import radar_message_class, type_of_topic
@@ -79,10 +77,11 @@ class RadarInputNode(RingNode):
         self._detections: Any = None
         self._looking: Any = None
         self._listener: TransformListener | None = None
+        self._odometry: OdometryListener | None = None
         self._asterix: AsterixListener | None = None
         self._polling: Any = None
         self._tf_problem = ""
-        # Frames whose transforms have not come yet, and when they came.
+        # Frames whose transforms or odometry have not come yet, and when they came.
         self._waiting: deque[tuple[RadarFrame, float]] = deque()
         self._patience = self.create_timer(PATIENCE_S, self._work_off, clock=self._steady)
         self._patience.cancel()
@@ -92,15 +91,17 @@ class RadarInputNode(RingNode):
         """Open the output, and the input as soon as somebody publishes it."""
         self._kind = ""
         self._detections = self.advertise(msg.DetectionArray, "detections", stream())
-        self._listen_to_transforms()
+        self._listen_to_motion()
         if self._looking is None:
             self._looking = self.create_timer(LOOK_PERIOD_S, self._look, clock=self._steady)
         self._looking.reset()
         self._look()
 
-    def _listen_to_transforms(self) -> None:
+    def _listen_to_motion(self) -> None:
         if self._listener is None and self.parameters.uses_transforms:
             self._listener = TransformListener(self, self._work_off)
+        if self._odometry is None and self.parameters.uses_odometry:
+            self._odometry = OdometryListener(self, self._work_off)
 
     def check_parameters(self, parameters: RadarInputParameters) -> None:
         """Refuse to take poses or speeds from transforms that cannot be had."""
@@ -111,7 +112,7 @@ class RadarInputNode(RingNode):
         """Take checked parameters; acts at the next scan."""
         super().use_parameters(parameters)
         if self._detections is not None:
-            self._listen_to_transforms()
+            self._listen_to_motion()
 
     def _look(self) -> None:
         """Subscribe once the type is known."""
@@ -171,9 +172,10 @@ class RadarInputNode(RingNode):
         self.close()
         self._patience.cancel()
         self._waiting.clear()
-        if self._listener is not None:
-            self._listener.close()
-            self._listener = None
+        for listener in (self._listener, self._odometry):
+            if listener is not None:
+                listener.close()
+        self._listener = self._odometry = None
         return super().on_cleanup(state)
 
     def _on_message(self, message: Any) -> None:
@@ -215,18 +217,17 @@ class RadarInputNode(RingNode):
         while self._waiting:
             frame, since = self._waiting[0]
             try:
-                pose = sensor_pose(
-                    self.parameters, self._transforms, frame.frame_id, frame.stamp_ns
-                )
-            except TransformError as error:
+                pose = self._pose(frame)
+            except (TransformError, OdometryError) as error:
                 waited = self.seconds() - since
-                if error.reason in MAY_STILL_COME and waited < self.parameters.tf_timeout_s:
+                reason, may_still_come = counted_reason(error)
+                if may_still_come and waited < self.parameters.tf_timeout_s:
                     if self._patience.is_canceled():
                         self._patience.reset()
                     return
                 self._waiting.popleft()
                 self._tf_problem = str(error)
-                self.drop(f"tf_{error.reason}", self._tf_problem)
+                self.drop(reason, self._tf_problem)
                 continue
             self._waiting.popleft()
             self._tf_problem = ""
@@ -248,9 +249,11 @@ class RadarInputNode(RingNode):
         self.counters.update(scan.counts)
         self._detections.publish(output)
 
-    @property
-    def _transforms(self) -> TransformBuffer | None:
-        return None if self._listener is None else self._listener.buffer
+    def _pose(self, frame: RadarFrame) -> SensorPose:
+        """Where the radar was when it saw a frame, and how it moved."""
+        transforms = None if self._listener is None else self._listener.buffer
+        odometry = None if self._odometry is None else self._odometry.buffer
+        return sensor_pose(self.parameters, transforms, frame.frame_id, frame.stamp_ns, odometry)
 
     def _new_stamp(self, stamp_ns: int) -> bool:
         """Whether a scan of this time may go on; steps back are counted, the tracker decides."""
@@ -266,13 +269,15 @@ class RadarInputNode(RingNode):
         return True
 
     def _reset(self) -> str:
-        """Forget frames that wait, the last stamp and the histories of transforms."""
+        """Forget frames that wait, the last stamp, and histories of transforms and odometry."""
         waiting = len(self._waiting)
         self._waiting.clear()
         self._patience.cancel()
         self._last_stamp_ns, self._tf_problem = None, ""
         if self._listener is not None:
             self._listener.buffer.clear()
+        if self._odometry is not None:
+            self._odometry.buffer.clear()
         if waiting:
             self.counters["rejected_reset"] += waiting
         return f"{waiting} waiting frames dropped"
@@ -295,7 +300,8 @@ class RadarInputNode(RingNode):
         if self._heard_at is None or self.seconds() - self._heard_at > STALE_AFTER_S:
             return DiagnosticStatus.WARN, f"no message on {p.input_topic}"
         if self._tf_problem:
-            return DiagnosticStatus.ERROR, self._tf_problem
+            why = "" if self._odometry is None else self._odometry.problem
+            return DiagnosticStatus.ERROR, "; ".join(filter(None, (self._tf_problem, why)))
         if self._last is None and self._asterix is not None:
             return DiagnosticStatus.WARN, f"no full turn of a radar on {p.input_topic} yet"
         if self._last is None:

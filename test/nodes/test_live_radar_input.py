@@ -14,6 +14,7 @@ from gda_tracker.io.bag_types import serialize
 from gda_tracker.io.messages import detections_from_message
 from gda_tracker.io.radar.input_parameters import POINT_CLOUD, RadarInputParameters
 from gda_tracker.io.radar.point_cloud import point_cloud_of_columns
+from gda_tracker.kinematics.odometry_buffer import Odometry
 from gda_tracker.kinematics.rigid_transforms import RigidTransform
 from gda_tracker.nodes.radar_input import RadarInputNode
 from gda_tracker.nodes.runner import Nodes, private_environment, use_environment
@@ -61,7 +62,7 @@ CASES = {
     "cluster_range_rate_std_mps": (2.0, GROUPED),
 }
 # Tested one by one at the end.
-OTHERS = ("maximum_tilt_deg", "motion_interval_s", "tf_timeout_s")
+OTHERS = ("maximum_tilt_deg", "motion_interval_s", "odometry_gap_s", "tf_timeout_s")
 FIELDS = ("x", "y", "z", "range", "azimuth", "elevation", "range_rate", "rcs", "snr")
 
 
@@ -207,6 +208,29 @@ def test_the_radars_own_speed_is_that_of_the_new_interval():
         # The speed at 1, 2 and 3 s is 4, 5 and 6 m/s; over 2 s before it is 1 m/s less.
         assert np.abs(again - short).max() > 0.5
         assert np.abs(long - short).max() < 0.2
+
+
+def test_odometry_is_taken_from_the_next_message_on_and_so_is_its_gap():
+    with radar_with(range_rate_reference="ground", tf_timeout_s=0.0) as node:
+        begin_ns = 10**18
+        node._on_message(cloud(begin_ns))
+        assert node._odometry is None
+        node.set_parameters([Parameter("sensor_motion", value="odometry")])
+        for step in (0, 1):
+            ahead = Odometry(np.array([5.0 + 2.0 * step, 0.0, 0.0]), np.zeros(3))
+            node._odometry.buffer.add(begin_ns + step * 10**9, "car", "", ahead)
+        # Half way between 5 and 7 m/s, but the reports are a second apart.
+        node._on_message(cloud(begin_ns + 5 * 10**8))
+        assert node.counters["odometry_gap"] == 1
+        assert len(node._detections.messages) == 1
+        assert "lie between two reports" in node.health()[1]
+        node.set_parameters([Parameter("odometry_gap_s", value=2.0)])
+        node._on_message(cloud(begin_ns + 5 * 10**8))
+        before, after = node._detections.messages
+        added = after.range_rate_mps - before.range_rate_mps
+        expected = 6.0 * np.cos(after.azimuth_rad) * np.cos(after.elevation_rad)
+        np.testing.assert_allclose(added, expected, atol=1e-5)
+        assert node.health()[1] == "active"
 
 
 def test_a_scan_waits_no_longer_than_the_new_time_out():

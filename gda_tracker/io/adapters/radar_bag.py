@@ -12,8 +12,11 @@ from gda_tracker.io.adapters.adapter import InputOptions, RecordingError
 from gda_tracker.io.adapters.radar_frames import MAX_NAMED, recording_of_frames
 from gda_tracker.io.bags import Bag, BagError, read_bag
 from gda_tracker.io.radar.frames import RadarFrame
+from gda_tracker.io.radar.input_parameters import ODOMETRY_TYPES, RadarInputParameters
 from gda_tracker.io.radar.messages import RADAR_TYPES, frame_of_message
+from gda_tracker.io.radar.odometry_messages import take_odometry
 from gda_tracker.io.transform_messages import TF_STATIC_TOPIC, TF_TOPIC, take_transforms
+from gda_tracker.kinematics.odometry_buffer import OdometryBuffer
 from gda_tracker.kinematics.transform_buffer import TransformBuffer
 from gda_tracker.vocabulary.recordings import Recording
 
@@ -105,6 +108,42 @@ def bag_transforms(bag: Bag, report: Report) -> TransformBuffer:
     return buffer
 
 
+def bag_odometry(bag: Bag, parameters: RadarInputParameters, report: Report) -> OdometryBuffer:
+    """Return all odometry of a bag on the topic that the parameters name.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such topic, it is of another type, or the bag cannot be read.
+    """
+    wanted = parameters.odometry_topic
+    name = wanted if wanted in bag.topics else f"/{wanted}"
+    kind = bag.topics[name].type if name in bag.topics else ""
+    if kind not in ODOMETRY_TYPES:
+        there = sorted(t.name for t in bag.topics.values() if t.type in ODOMETRY_TYPES)
+        raise RecordingError(
+            f"{bag.path}: parameter odometry_topic = {wanted!r}"
+            f"{f' ({kind})' if kind else ''}: allowed is one of "
+            f"{', '.join(there) or 'none: no topic of ' + ', '.join(ODOMETRY_TYPES)}"
+        )
+    buffer = OdometryBuffer(keep_s=math.inf)
+    counts: Counter[str] = Counter()
+    try:
+        for record in read_bag(bag.path, [name], report=report):
+            take_odometry(buffer, record.message(), kind, parameters, counts)
+    except BagError as error:
+        raise RecordingError(str(error)) from error
+    for reason, text in (
+        ("odometry_refused", "reports of odometry were refused: frame, stamp or numbers are none"),
+        ("odometry_unknown_frame", "reports of odometry were refused: they are of another frame"),
+        ("odometry_jumped_back", "times the clock of the odometry stepped back; what came before "
+         "is forgotten"),
+    ):  # fmt: skip
+        if counts[reason]:
+            report(f"{counts[reason]} {text}")
+    return buffer
+
+
 def load_radar_bag(bag: Bag, options: InputOptions) -> Recording:
     """Make a recording of a radar's topic.
 
@@ -126,6 +165,7 @@ def load_radar_bag(bag: Bag, options: InputOptions) -> Recording:
         options,
         preset,
         transforms=lambda: bag_transforms(bag, warnings.append),
+        odometry=lambda parameters: bag_odometry(bag, parameters, warnings.append),
     )
     recording.warnings[:0] = warnings
     recording.origin = bag.notes.get("origin", "")

@@ -14,6 +14,7 @@ from gda_tracker.io.parameter_files import RADAR_INPUT, read_preset
 from gda_tracker.io.radar.frames import RadarFrame, detections_of_frame, sensor_velocity
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
 from gda_tracker.io.radar.presets import OF_FILES, best_preset, presets_of
+from gda_tracker.kinematics.odometry_buffer import OdometryBuffer
 from gda_tracker.kinematics.transform_buffer import TransformBuffer
 from gda_tracker.parameters import from_mapping
 from gda_tracker.vocabulary.recordings import Recording
@@ -36,6 +37,7 @@ def recording_of_frames(
     default_preset: str | None = None,
     fixed: Mapping[str, Any] | None = None,
     transforms: Callable[[], TransformBuffer] | None = None,
+    odometry: Callable[[RadarInputParameters], OdometryBuffer] | None = None,
 ) -> Recording:
     """Make a recording of what a radar published.
 
@@ -55,6 +57,8 @@ def recording_of_frames(
         Parameters of the radar input that this kind of recording leaves no choice about.
     transforms
         Reads the transforms of the recording, if it has any.
+    odometry
+        The same of its odometry.
 
     Raises
     ------
@@ -86,7 +90,15 @@ def recording_of_frames(
                 "'tf' are for bags and live topics"
             )
         known = transforms()
-    share = _convert(path, frames, parameters, recording, known)
+    reports = None
+    if parameters.uses_odometry:
+        if odometry is None:
+            raise RecordingError(
+                f"{path}: no odometry in such a file: parameters pose_source and sensor_motion = "
+                "'odometry' are for bags and live topics"
+            )
+        reports = odometry(parameters)
+    share = _convert(path, frames, parameters, recording, known, reports)
     if share is not None and share < MOSTLY_STILL:
         _warn_of_motion(first, parameters, recording)
     return recording
@@ -121,6 +133,7 @@ def _convert(
     parameters: RadarInputParameters,
     recording: Recording,
     transforms: TransformBuffer | None,
+    odometry: OdometryBuffer | None,
 ) -> float | None:
     """Add the scans; return the share of the points that stand still, if that is known."""
     counts: Counter[str] = Counter()
@@ -131,7 +144,13 @@ def _convert(
             repeated += 1
             continue
         try:
-            scan = detections_of_frame(frame, parameters, len(recording.detections) + 1, transforms)
+            scan = detections_of_frame(
+                frame,
+                parameters,
+                len(recording.detections) + 1,
+                transforms,
+                odometry=odometry,
+            )
         except UserError as error:
             left_out.append(f"frame {number} is left out: {error}")
             continue

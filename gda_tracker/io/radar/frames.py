@@ -11,6 +11,7 @@ from gda_tracker.io.radar.ego_motion import SensorVelocity, estimate_sensor_velo
 from gda_tracker.io.radar.file_kinds import DETECTIONS
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
 from gda_tracker.io.radar.sensor_pose import SensorPose, sensor_pose
+from gda_tracker.kinematics.odometry_buffer import OdometryBuffer
 from gda_tracker.kinematics.transform_buffer import TransformBuffer
 from gda_tracker.parameters import ParameterError
 from gda_tracker.vocabulary.arrays import FloatArray
@@ -99,11 +100,12 @@ def detections_of_frame(
     sequence: int = 0,
     transforms: TransformBuffer | None = None,
     pose: SensorPose | None = None,
+    odometry: OdometryBuffer | None = None,
 ) -> RadarScan:
     """Make detections of a frame, as ``detections_of_fields`` does of fields.
 
-    ``transforms`` are needed if the parameters take pose or speed of the radar from them, unless
-    the ``pose`` is known already.
+    ``transforms`` and ``odometry`` are needed if the parameters take pose or speed of the radar
+    from them, unless the ``pose`` is known already.
 
     Raises
     ------
@@ -112,7 +114,7 @@ def detections_of_frame(
         the frame contradicts itself, or the radar's pose is not known.
     """
     if pose is None:
-        pose = sensor_pose(parameters, transforms, frame.frame_id, frame.stamp_ns)
+        pose = sensor_pose(parameters, transforms, frame.frame_id, frame.stamp_ns, odometry)
     if frame.attributes and not parameters.attribute_fields:
         named = [f"{name}={name}" for name in frame.attributes]
         parameters = replace(parameters, attribute_fields=named)

@@ -11,8 +11,13 @@ from gda_tracker.parameters import ParameterError, parameter
 ANGLE_UNITS = ("rad", "deg")
 RCS_UNITS = ("none", "dbsm", "m2")
 RANGE_RATE_REFERENCES = ("sensor", "ground")
-SENSOR_MOTIONS = ("declared", "estimated", "tf")
-POSE_SOURCES = ("declared", "tf")
+SENSOR_MOTIONS = ("declared", "estimated", "tf", "odometry")
+POSE_SOURCES = ("declared", "tf", "odometry")
+# Types of messages that tell how a vehicle moves.
+ODOMETRY = "nav_msgs/msg/Odometry"
+TWIST = "geometry_msgs/msg/TwistStamped"
+TWIST_WITH_COVARIANCE = "geometry_msgs/msg/TwistWithCovarianceStamped"
+ODOMETRY_TYPES = (ODOMETRY, TWIST, TWIST_WITH_COVARIANCE)
 # Types of messages that are read.
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 RADAR_SCAN = "radar_msgs/msg/RadarScan"
@@ -154,34 +159,37 @@ class RadarInputParameters:
     sensor_motion: str = parameter(
         "declared",
         "where the radar's own speed comes from: declared (the two parameters above), estimated "
-        "(from each scan: the speed at which most of its points stand still) or tf (from its poses "
-        "on /tf)",
+        "(from each scan: the speed at which most of its points stand still), tf (from its poses "
+        "on /tf) or odometry (from the vehicle's twist on odometry_topic and the mounting pose)",
         choices=SENSOR_MOTIONS,
     )
     pose_source: str = parameter(
         "declared",
         "where the radar's pose in the tracking frame comes from: declared (the next two "
-        "parameters) or tf (/tf and /tf_static at the time of each scan)",
+        "parameters), tf (/tf and /tf_static at the time of each scan) or odometry (the vehicle's "
+        "pose on odometry_topic; the next two parameters are the mounting pose in its frame)",
         choices=POSE_SOURCES,
         live=False,
     )
     sensor_position_m: list[float] = parameter(
         [0.0, 0.0, 0.0],
-        "x, y, z of the radar in the tracking frame",
+        "x, y, z of the radar in the tracking frame, or on the vehicle with odometry",
         unit="m",
         minimum=-1e9,
         maximum=1e9,
     )
     sensor_roll_pitch_yaw_deg: list[float] = parameter(
         [0.0, 0.0, 0.0],
-        "turn of the radar's axes in the tracking frame, about its x, then y, then z axis; yaw is "
-        "counter-clockwise, a positive pitch looks down",
+        "turn of the radar's axes in the tracking frame, or on the vehicle with odometry, about "
+        "its x, then y, then z axis; yaw is counter-clockwise, a positive pitch looks down",
         unit="deg",
         minimum=-360.0,
         maximum=360.0,
     )
     tracking_frame: str = parameter(
-        "map", "with pose_source tf: frame of the tracks, the same as in track_manager", live=False
+        "map",
+        "with pose_source tf or odometry: frame of the tracks, the same as in track_manager",
+        live=False,
     )
     sensor_frame: str = parameter(
         "",
@@ -206,9 +214,37 @@ class RadarInputParameters:
     )
     tf_timeout_s: float = parameter(
         0.5,
-        "with tf: a scan waits for its transform no longer than this on the clock on the wall",
+        "with tf and odometry: a scan waits for its transform or report no longer than this on the "
+        "clock on the wall",
         unit="s",
         minimum=0.0,
+        maximum=60.0,
+        advanced=True,
+    )
+    odometry_topic: str = parameter(
+        "odom",
+        "with odometry: topic on which the vehicle tells how it moves",
+        live=False,
+    )
+    odometry_type: str = parameter(
+        "",
+        "type of that topic; empty: the one that is found on it",
+        choices=("", *ODOMETRY_TYPES),
+        live=False,
+        advanced=True,
+    )
+    odometry_frame: str = parameter(
+        "",
+        "with odometry: the vehicle's own frame, reports of another one are refused; empty: that "
+        "of the first report",
+        live=False,
+        advanced=True,
+    )
+    odometry_gap_s: float = parameter(
+        0.5,
+        "with odometry: a scan between two reports that are farther apart is dropped",
+        unit="s",
+        minimum=0.001,
         maximum=60.0,
         advanced=True,
     )
@@ -312,8 +348,17 @@ class RadarInputParameters:
                 raise ParameterError(
                     f"parameter {name} = {getattr(self, name)}: allowed are 3 numbers"
                 )
-        if self.pose_source == "tf" and not self.tracking_frame:
-            raise ParameterError("parameter tracking_frame is empty: pose_source tf needs a frame")
+        if self.pose_source != "declared" and not self.tracking_frame:
+            raise ParameterError(
+                f"parameter tracking_frame is empty: pose_source {self.pose_source} needs a frame"
+            )
+        if self.uses_odometry and not self.odometry_topic:
+            raise ParameterError("parameter odometry_topic is empty: odometry needs a topic")
+        if self.pose_source == "odometry" and self.odometry_type not in ("", ODOMETRY):
+            raise ParameterError(
+                f"parameter odometry_type = {self.odometry_type!r}: pose_source odometry needs "
+                f"{ODOMETRY}, a twist tells no pose"
+            )
         if self.sensor_motion == "tf" and self.pose_source != "tf" and not self.motion_frame:
             raise ParameterError(
                 "parameter sensor_motion = 'tf': allowed with pose_source tf, or with motion_frame"
@@ -354,6 +399,11 @@ class RadarInputParameters:
     def uses_transforms(self) -> bool:
         """Whether poses or speeds come from ``/tf``."""
         return self.pose_source == "tf" or self.sensor_motion == "tf"
+
+    @property
+    def uses_odometry(self) -> bool:
+        """Whether poses or speeds come from ``odometry_topic``."""
+        return "odometry" in (self.pose_source, self.sensor_motion)
 
     @property
     def type_overrides(self) -> dict[str, str]:

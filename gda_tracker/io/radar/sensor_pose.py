@@ -1,4 +1,4 @@
-"""Where a radar is and how it moves at the time of a scan: declared, or from transforms."""
+"""Where a radar is and how it moves at the time of a scan: declared, from transforms, odometry."""
 
 from __future__ import annotations
 
@@ -9,12 +9,22 @@ import numpy as np
 
 from gda_tracker.errors import UserError
 from gda_tracker.io.radar.input_parameters import RadarInputParameters
+from gda_tracker.kinematics.odometry_buffer import (
+    ODOMETRY_MAY_STILL_COME,
+    OdometryBuffer,
+    OdometryError,
+    velocity_at,
+)
 from gda_tracker.kinematics.rigid_transforms import (
     RigidTransform,
     quaternion_of_angles,
     rotation_matrix,
 )
-from gda_tracker.kinematics.transform_buffer import TransformBuffer, TransformError
+from gda_tracker.kinematics.transform_buffer import (
+    MAY_STILL_COME,
+    TransformBuffer,
+    TransformError,
+)
 from gda_tracker.vocabulary.arrays import FloatArray
 
 
@@ -27,7 +37,7 @@ class SensorPose:
     """Pose of a radar in the tracking frame, and its own velocity.
 
     ``transform`` takes points of the radar into the tracking frame. ``velocity_mps`` (3,) is that
-    of the radar over ground along its own axes, ``None`` where it does not come from transforms.
+    of the radar over ground along its own axes, ``None`` where nothing tells it.
     """
 
     transform: RigidTransform
@@ -51,6 +61,7 @@ def sensor_pose(
     transforms: TransformBuffer | None,
     frame_id: str,
     stamp_ns: int,
+    odometry: OdometryBuffer | None = None,
 ) -> SensorPose:
     """Return pose and velocity of the radar at the time of a scan.
 
@@ -62,15 +73,44 @@ def sensor_pose(
         Needed only if they come from transforms.
     frame_id, stamp_ns
         Of the radar's message.
+    odometry
+        Needed only if they come from odometry.
 
     Raises
     ------
     TransformError
         If a transform is not known for this time.
+    OdometryError
+        If odometry is not known for this time.
     """
     pose = declared_pose(parameters)
-    if not parameters.uses_transforms:
-        return pose
+    if parameters.uses_transforms:
+        pose = _pose_of_transforms(parameters, transforms, frame_id, stamp_ns, pose)
+    if parameters.uses_odometry:
+        pose = _pose_of_odometry(parameters, transforms, frame_id, stamp_ns, odometry, pose)
+    return pose
+
+
+def counted_reason(error: UserError) -> tuple[str, bool]:
+    """Return the name under which a pose that is not to be had counts, and whether time may help.
+
+    ``error`` is what :func:`sensor_pose` has raised.
+    """
+    if isinstance(error, OdometryError):
+        return f"odometry_{error.reason}", error.reason in ODOMETRY_MAY_STILL_COME
+    if isinstance(error, TransformError):
+        return f"tf_{error.reason}", error.reason in MAY_STILL_COME
+    raise TypeError(f"{type(error).__name__} is neither of transforms nor of odometry")
+
+
+def _pose_of_transforms(
+    parameters: RadarInputParameters,
+    transforms: TransformBuffer | None,
+    frame_id: str,
+    stamp_ns: int,
+    pose: SensorPose,
+) -> SensorPose:
+    """Pose and velocity as far as transforms tell them."""
     if transforms is None:
         raise TransformError("unavailable", "no transforms are listened to")
     frame = parameters.sensor_frame or frame_id
@@ -80,6 +120,36 @@ def sensor_pose(
     if parameters.sensor_motion == "tf":
         ground = parameters.motion_frame or parameters.tracking_frame
         velocity = transforms.velocity(ground, frame, stamp_ns, parameters.motion_interval_s)
+    return SensorPose(transform, velocity)
+
+
+def _pose_of_odometry(
+    parameters: RadarInputParameters,
+    transforms: TransformBuffer | None,
+    frame_id: str,
+    stamp_ns: int,
+    odometry: OdometryBuffer | None,
+    pose: SensorPose,
+) -> SensorPose:
+    """Pose and velocity as far as odometry tells them.
+
+    The radar's mounting pose on the vehicle is the declared one, or that of transforms where these
+    give the pose.
+    """
+    if odometry is None:
+        raise OdometryError("missing", "no odometry is listened to")
+    now = odometry.at(stamp_ns, parameters.odometry_gap_s)
+    mounting = declared_pose(parameters).transform
+    if parameters.pose_source == "tf" and transforms is not None:
+        frame = parameters.sensor_frame or frame_id
+        mounting = transforms.lookup(odometry.frame, frame, stamp_ns)
+    transform, velocity = pose.transform, pose.velocity_mps
+    if parameters.pose_source == "odometry":
+        if now.pose is None:
+            raise OdometryError("no_pose", "pose_source is odometry, but only twists come")
+        transform = now.pose.after(mounting)
+    if parameters.sensor_motion == "odometry":
+        velocity = velocity_at(now, mounting)
     return SensorPose(transform, velocity)
 
 

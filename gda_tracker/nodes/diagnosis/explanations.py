@@ -219,6 +219,20 @@ EXPLANATIONS: dict[str, Explanation] = {
         "scans dropped because too many waited for their transforms",
         "ros2 run tf2_ros tf2_echo map RADAR_FRAME: who publishes the radar's pose, and how late?",
     ),
+    "odometry_received": _of("", "reports of odometry"),
+    "odometry_refused": _of(
+        ERROR,
+        "reports of odometry without a frame, or whose stamp, twist or pose are no numbers",
+        "ros2 topic echo odom --once: child_frame_id, and orientation of length one",
+    ),
+    "odometry_unknown_frame": _of(
+        ERROR,
+        "reports of odometry of another vehicle, or told in another frame than tracking_frame",
+        "gda-tracker params get odometry_frame tracking_frame; one publisher per topic",
+    ),
+    "odometry_jumped_back": _of(
+        NOTE, "times the clock of the odometry was set back (a bag loops): it began anew"
+    ),
     "rejected_reset": _of("", "scans that waited when somebody asked for a reset"),
     "renewed_subscription": _of(
         "", "subscriptions made anew because nothing was heard though somebody publishes"
@@ -260,6 +274,27 @@ EXPLANATIONS: dict[str, Explanation] = {
     "malformed_truth": _of(ERROR, "truth that the evaluator cannot read", _VERSIONS),
 }
 
+# Why a scan found no odometry, as OdometryError names it.
+_ODOMETRY_LATE = "gda-tracker params set tf_timeout_s=1.0; compare the clocks of radar and odometry"
+ODOMETRY_REASONS = {
+    "missing": _of(
+        ERROR,
+        "scans dropped before any odometry came",
+        "ros2 topic hz odom; gda-tracker params get odometry_topic",
+    ),
+    "too_late": _of(ERROR, "scans newer than all odometry", _ODOMETRY_LATE),
+    "too_early": _of(NOTE, "scans older than all odometry, at the start or after a jump of time"),
+    "gap": _of(
+        ERROR,
+        "scans between two reports of odometry that are too far apart",
+        "gda-tracker params set odometry_gap_s=1.0, if it comes that slowly",
+    ),
+    "no_pose": _of(
+        ERROR,
+        "scans whose pose should come from a topic that tells twists alone",
+        "start with odometry_topic: a nav_msgs/Odometry, or pose_source: tf",
+    ),
+}
 OUT_OF_RANGE = "_out_of_range"
 STATEMENT_REJECTED = "statement_rejected_"
 RECORDED = "recorded "
@@ -269,6 +304,8 @@ def explanation(counter: str) -> Explanation | None:
     """Return what a counter means, ``None`` for a name that no node of this version counts."""
     if counter in EXPLANATIONS:
         return EXPLANATIONS[counter]
+    if counter.startswith("odometry_"):
+        return ODOMETRY_REASONS.get(counter.removeprefix("odometry_"))
     if counter.startswith(STATEMENT_REJECTED):
         from gda_tracker.tracking.statement_door import EXPLANATIONS as STATEMENTS
 
