@@ -11,8 +11,9 @@ from typing import Any
 from gda_tracker_msgs import msg
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
+from gda_tracker.io.markers.cdr import marker_array
 from gda_tracker.io.markers.layers import (
     OF_DELAYED,
     OF_PREDICTIONS,
@@ -21,7 +22,6 @@ from gda_tracker.io.markers.layers import (
     Layers,
     Update,
 )
-from gda_tracker.io.markers.messages import DELETE_ALL, marker_array
 from gda_tracker.io.markers.parameters import LAYERS, MarkerParameters, marker_topic
 from gda_tracker.io.markers.shapes import drawable
 from gda_tracker.io.messages import (
@@ -124,8 +124,8 @@ class MarkersNode(RingNode):
 
     def _empty(self, names: list[str]) -> None:
         for name in names:
-            marker = Marker(action=DELETE_ALL)
-            self._publishers_of[name].publish(MarkerArray(markers=[marker]))
+            empty = Update(name, 0, "", anew=True)
+            self._publishers_of[name].publish(marker_array(empty, self.parameters))
         self._layers.forget(names)
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:

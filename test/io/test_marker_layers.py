@@ -4,15 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from marker_viewer import Viewer
+from rclpy.serialization import deserialize_message
 from scipy.stats import chi2
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
-from gda_tracker.io.markers import layers, shapes
+from gda_tracker.io.bag_types import serialize
+from gda_tracker.io.markers import cdr, layers, shapes
 from gda_tracker.io.markers.layers import Layers
-from gda_tracker.io.markers.messages import marker_array
 from gda_tracker.io.markers.parameters import LAYERS, MarkerParameters, colour_of, marker_topics
 from gda_tracker.kinematics.gating import gate
 from gda_tracker.kinematics.sensor_models import polar_measurements
@@ -23,8 +26,15 @@ from gda_tracker.simulation.scenarios import load_scenario
 from gda_tracker.tracking.gates import gates_of
 from gda_tracker.tracking.ring import Ring
 
+
+def marker_array(update, parameters):
+    """What a subscriber gets of an update."""
+    return deserialize_message(cdr.marker_array(update, parameters), MarkerArray)
+
+
 METHOD = "mht/bayes/imm"
 PER_TRACK = ("tracks", "covariances", "labels")
+ALL_LIVE = set(LAYERS) - {"tracks_delayed"}
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +44,7 @@ def run():
     (play,) = of_scenario(scenario, 1, 3, METHOD)
     parameters = with_method(tracker_preset(scenario), METHOD)
     manager = {**parameters["track_manager"], "initiation": "automatic", "deletion_misses": 2}
+    manager["mht_scans"] = 2
     ring = Ring({**parameters, "track_manager": manager})
     found = [ring.process(detections) for detections in play.detections]
     # Silence at the end: tracks coast and end.
@@ -149,7 +160,7 @@ def test_associations_end_at_the_detection_and_the_track(run):
     assert {(tuple(a), tuple(b)) for a, b in lines} == expected
 
 
-@pytest.mark.parametrize("order", ["tsp", "pst", "spt", "tps"])
+@pytest.mark.parametrize("order", ["tps", "pst"])
 def test_the_order_in_which_messages_come_makes_no_difference(run, order):
     usual, other = Watched(), Watched()
     for result in run[:7]:
@@ -237,7 +248,7 @@ def test_a_restarted_manager_and_time_set_back_begin_anew(run, change):
         )
         watched.scan(again)
     anew = [update.layer for update in watched.updates[first:] if update.anew]
-    assert sorted(anew) == sorted(set(LAYERS) - {"tracks_delayed"})
+    assert sorted(anew) == sorted(ALL_LIVE)
     assert watched.viewers["tracks"].ids() == (run[2].tracks.track_id + 100).tolist()
     assert len(watched.viewers["detections"].shown) == 3
     assert watched.layers.is_old(run[0].tracks.key) == (change == "epoch")
@@ -294,6 +305,53 @@ def test_numbers_of_64_bits_fit_and_stay(run):
     assert watched.viewers["tracks"].ids() == [(i + 2**40) % 2**31 for i in ids(tracks)]
     texts = {m.text.split()[0] for m in watched.viewers["labels"].shown.values()}
     assert texts == {str(i + 2**40) for i in ids(tracks)}
+
+
+def test_the_bytes_are_those_of_the_messages_field_by_field():
+    """Against the serialiser of the rosbags library, which knows the definitions alone."""
+    points = np.array([[1.5, -2.5], [3.0, 4.0], [5.0, 6.0]])
+    blue = colour_of("#0000ff80")
+    update = layers.Update(
+        "tracks",
+        1_234_567_890_123,
+        "map",
+        [
+            shapes.Shape(
+                "é", 2**31 - 1, shapes.TEXT, blue, (0, 0, 3), (1, 2, 3), 0.5, text="äx\n7"
+            ),
+            shapes.Shape("abc", 0, shapes.LINE_STRIP, blue, (0.25, 0, 0), points=points),
+            shapes.Shape("", 7, shapes.SPHERE, blue, (1, 2, 3), (-1.0, 0.5, 9.0), -3.0),
+        ],
+        gone=[("confirmed", 5), ("a", 6)],
+        anew=True,
+    )
+    p = table(lifetime_s=2.25, height_m=-1.5)
+    written = cdr.marker_array(update, p)
+    expected = []
+    for action, namespace, number in ((3, "", 0), (2, "confirmed", 5), (2, "a", 6)):
+        expected.append(Marker(action=action, ns=namespace, id=number))
+    for shape in update.shapes:
+        marker = Marker(ns=shape.namespace, id=shape.number, type=shape.kind, text=shape.text)
+        for part, names, values in (
+            (marker.pose.position, "xyz", shape.position),
+            (marker.scale, "xyz", shape.scale),
+            (marker.color, "rgba", shape.colour),
+        ):
+            for name, value in zip(names, values, strict=True):
+                setattr(part, name, float(value))
+        marker.pose.orientation.z = float(np.sin(0.5 * shape.yaw_rad))
+        marker.pose.orientation.w = float(np.cos(0.5 * shape.yaw_rad))
+        marker.points = [Point(x=float(x), y=float(y), z=-1.5) for x, y in shape.points]
+        marker.lifetime = Duration(sec=2, nanosec=250_000_000)
+        expected.append(marker)
+    for marker in expected:
+        marker.header.stamp.sec, marker.header.stamp.nanosec = 1234, 567_890_123
+        marker.header.frame_id = "map"
+    for marker in expected[:3]:
+        marker.pose.orientation.w = 1.0
+    assert written == serialize(MarkerArray(markers=expected))
+    empty = cdr.marker_array(layers.Update("tracks", 0, ""), p)
+    assert deserialize_message(empty, MarkerArray) == MarkerArray()
 
 
 # --- geometry -------------------------------------------------------------------------------------
@@ -424,22 +482,42 @@ def test_every_parameter_of_the_layers_has_a_case():
     assert all(item.live for item in declared.values())
 
 
+@pytest.fixture(scope="module")
+def plain_run(run):
+    """What is shown after four and after six scans, by the parameters that hold throughout."""
+    found = {}
+
+    def of(base):
+        key = str(sorted(base.items()))
+        if key not in found:
+            found[key] = _contents(run, base, base)
+        return found[key]
+
+    return of
+
+
+def _contents(run, base, later):
+    watched = Watched(**base)
+    seen = []
+    for number, result in enumerate(run[4:10], 1):
+        if number == 5:
+            watched.p = table(**later)
+        watched.scan(result)
+        if number in (4, 6):
+            seen.append(watched.content())
+    return (*seen, {u.layer for u in watched.updates if u.stamp_ns > run[8].scan.key.stamp_ns})
+
+
 @pytest.mark.parametrize("name", CASES)
-def test_a_parameter_acts_from_the_next_scan_on(name, run):
+def test_a_parameter_acts_from_the_next_scan_on(name, run, plain_run):
     value, base = CASES[name]
-    plain, changed = Watched(**base), Watched(**base)
-    for number, result in enumerate(run[6:14]):
-        if number == 6:
-            changed.p = table(**{**base, name: value})
-        plain.scan(result)
-        changed.scan(result)
-        if number in (5, 7):
-            differs = changed.content() != plain.content()
-            assert number == 7 or not differs
-    assert differs or name == "layers"
+    before, after, fresh = _contents(run, base, {**base, name: value})
+    expected = plain_run(base)
+    assert before == expected[0]
     if name == "layers":
-        fresh = {u.layer for u in changed.updates if u.stamp_ns >= run[12].scan.key.stamp_ns}
-        assert fresh == {"tracks"}
+        assert (fresh, expected[2] - {"tracks_delayed"}) == ({"tracks"}, ALL_LIVE)
+    else:
+        assert after != expected[1]
 
 
 @pytest.mark.parametrize(
