@@ -139,6 +139,17 @@ def test_run_gives_input_and_output_the_parameters_of_the_file(tmp_path):
     assert run._what(found) == "four nodes and the radar input and the track output"
 
 
+def test_run_gives_the_markers_their_parameters(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**/markers:\n  ros__parameters:\n    scale: 20.0\n")
+    parser = argparse.ArgumentParser()
+    run.add_arguments(parser)
+    assert "markers" not in run._parameters(parser.parse_args(["--params", str(file)]))
+    found = run._parameters(parser.parse_args(["--params", str(file), "--markers"]))
+    assert found["markers"] == {"scale": 20.0}
+    assert run._what(found) == "four nodes and the markers"
+
+
 @pytest.mark.parametrize(
     ("values", "text"),
     [

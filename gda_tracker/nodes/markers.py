@@ -55,22 +55,36 @@ class MarkersNode(RingNode):
             for name in LAYERS
         }
         for topic, kind, layers, read, take, quality in (
-            ("scans", msg.Scan, OF_SCANS, scan_from_message, "take_scan", latched(INPUT_DEPTH)),
+            (
+                "scans",
+                msg.Scan,
+                OF_SCANS,
+                scan_from_message,
+                Layers.take_scan,
+                latched(INPUT_DEPTH),
+            ),
             (
                 "predictions",
                 msg.Predictions,
                 OF_PREDICTIONS,
                 predictions_from_message,
-                "take_predictions",
+                Layers.take_predictions,
                 latched(INPUT_DEPTH),
             ),
-            ("tracks", msg.TrackArray, OF_TRACKS, tracks_from_message, "take_tracks", stream()),
+            (
+                "tracks",
+                msg.TrackArray,
+                OF_TRACKS,
+                tracks_from_message,
+                Layers.take_tracks,
+                stream(),
+            ),
             (
                 "tracks_delayed",
                 msg.TrackArray,
                 OF_DELAYED,
                 tracks_from_message,
-                "take_delayed",
+                Layers.take_delayed,
                 stream(),
             ),
         ):
@@ -85,7 +99,7 @@ class MarkersNode(RingNode):
         kind: type,
         layers: tuple[str, ...],
         read: Callable[[Any], Any],
-        take: str,
+        take: Callable[[Layers, Any, MarkerParameters], list[Update]],
     ) -> Callable[[bytes], None]:
         def on_message(data: bytes) -> None:
             if not self._layers.wants(layers):
@@ -101,7 +115,7 @@ class MarkersNode(RingNode):
             if kind is msg.TrackArray and not drawable(part).all():
                 self.drop("not_drawn", "tracks whose state or covariance is not finite")
             try:
-                for update in getattr(self._layers, take)(part, self.parameters):
+                for update in take(self._layers, part, self.parameters):
                     self._publish(update)
             except STAGE_ERRORS as error:
                 self.drop("failed", f"{type(error).__name__}: {error}")

@@ -42,7 +42,6 @@ class OdometryListener:
         p = self._node.parameters
         kind = p.odometry_type or self._type_on(p.odometry_topic)
         if kind is None:
-            self.problem = f"nobody publishes the odometry {p.odometry_topic}"
             return
         self._timer.cancel()
         try:
@@ -66,11 +65,22 @@ class OdometryListener:
         self._node.get_logger().info(f"reads the odometry {p.odometry_topic} ({kind})")
 
     def _type_on(self, topic: str) -> str | None:
-        """Return the first of the types that are read and are published on a topic now."""
+        """Return the first of the types that are read and are published on a topic now.
+
+        Without one, ``problem`` says what is there instead.
+        """
         name = self._node.resolve_topic_name(topic)
         kinds = {info.topic_type for info in self._node.get_publishers_info_by_topic(name)}
         found = [kind for kind in ODOMETRY_TYPES if kind in kinds]
-        return found[0] if found else None
+        if found:
+            return found[0]
+        self.problem = f"nobody publishes the odometry {topic}"
+        if kinds:
+            self.problem = (
+                f"odometry {topic} is of type {', '.join(sorted(kinds))}: allowed is one of "
+                f"{', '.join(ODOMETRY_TYPES)}"
+            )
+        return None
 
     def _take(self, message: Any, kind: str) -> None:
         node = self._node

@@ -11,10 +11,13 @@ SOLID = (Marker.SPHERE, Marker.CYLINDER, Marker.SPHERE_LIST)
 
 
 class Viewer:
-    """Shows what has come on the topic of one layer."""
+    """Shows what has come on the topic of one layer.
 
-    def __init__(self):
-        self.shown = {}
+    ``from_the_start``: it has had every message; over DDS the first ones may pass it by.
+    """
+
+    def __init__(self, from_the_start=True):
+        self.shown, self._from_the_start = {}, from_the_start
         self.messages = 0
 
     def take(self, array):
@@ -25,8 +28,8 @@ class Viewer:
             if marker.action == Marker.DELETEALL:
                 self.shown.clear()
             elif marker.action == Marker.DELETE:
-                assert (marker.ns, marker.id) in self.shown, "deletes what is not shown"
-                del self.shown[marker.ns, marker.id]
+                there = self.shown.pop((marker.ns, marker.id), None)
+                assert there or not self._from_the_start, "deletes what is not shown"
             else:
                 assert marker.action == Marker.ADD
                 self._check(marker)

@@ -141,7 +141,7 @@ def test_a_topic_or_frame_that_is_not_there_is_named(bag, tmp_path):
         load(bag, {**ON_THE_MAP, "tracking_frame": "odom"})
     with pytest.raises(RecordingError, match="no odometry has come yet"):
         load(bag, {**FROM_ODOMETRY, "odometry_frame": "trailer"})
-    with pytest.raises(RecordingError, match="no odometry has come yet"):
+    with pytest.raises(RecordingError, match="pose_source is odometry, but only twists come"):
         load(bag, {**ON_THE_MAP, "odometry_topic": "twist"})
     path = tmp_path / "plots.csv"
     path.write_text("time_s,range_m,azimuth_deg\n0.0,10.0,5.0\n")
@@ -164,7 +164,7 @@ def test_every_message_that_is_not_taken_is_counted():
         (odometry_message(1.0, parent="odom"), ODOMETRY, "told in odom, tracks in map"),
         (odometry_message(1.0, child="trailer"), ODOMETRY, "odometry_frame is base_link"),
         (odometry_message(1.0, child=""), ODOMETRY, "it is of (no frame)"),
-        (odometry_message(1.0, TWIST), TWIST, "told in (no frame)"),
+        (odometry_message(1.0, TWIST, child="trailer"), TWIST, "it is of trailer, parameter"),
         (odometry_message(5.0), ODOMETRY, ""),
         (odometry_message(1.0), ODOMETRY, ""),
     ):

@@ -33,7 +33,7 @@ class Screen(Node):
 
     def __init__(self, **options):
         super().__init__("screen", **options)
-        self.viewers = {name: Viewer() for name in LOOKED_AT}
+        self.viewers = {name: Viewer(from_the_start=False) for name in LOOKED_AT}
         for name, viewer in self.viewers.items():
             self.create_subscription(MarkerArray, marker_topic(name), viewer.take, stream())
         self.reset = self.create_client(Trigger, "markers/reset")
@@ -113,6 +113,8 @@ def test_what_cannot_be_read_is_counted_and_what_is_recorded_is_whole(domain, tm
         assert wait(lambda: screen.tracks.get_subscription_count() == 2, TIMEOUT_S)
         assert wait(lambda: screen.scans.get_subscription_count() == 2, TIMEOUT_S)
         assert wait(lambda: len(markers.figures()["looked_at"].split(", ")) == 10, TIMEOUT_S)
+        of_tracks = markers._publishers_of["tracks"]
+        assert wait(lambda: of_tracks.get_subscription_count() == 2, TIMEOUT_S)
         good = message(7, 5_000_000_000, track_id=3)
         broken = message(7, 5_000_000_000, track_id=3)
         broken.tracks[0].state = [1.0]
@@ -139,8 +141,23 @@ def test_what_cannot_be_read_is_counted_and_what_is_recorded_is_whole(domain, tm
         assert not screen.viewers["tracks"].shown
         assert wait(lambda: recorder.counters["recorded /markers/tracks"] == 2, TIMEOUT_S)
         assert "topics_without_type" not in recorder.counters
+
+        # An inactive node leaves nothing behind that it would no longer keep up to date.
+        screen.tracks.publish(message(7, 8_000_000_000, track_id=6))
+        assert wait(lambda: screen.viewers["tracks"].ids() == [6], TIMEOUT_S)
+        markers.trigger_deactivate()
+        assert wait(lambda: not screen.viewers["tracks"].shown, TIMEOUT_S)
+        markers.trigger_cleanup()
+        assert markers.figures() == {"looked_at": "none"}
+        markers.trigger_configure()
+        markers.trigger_activate()
+        assert wait(lambda: screen.tracks.get_subscription_count() == 2, TIMEOUT_S)
+        of_tracks = markers._publishers_of["tracks"]
+        assert wait(lambda: of_tracks.get_subscription_count() == 2, TIMEOUT_S)
+        screen.tracks.publish(message(7, 9_000_000_000, track_id=8))
+        assert wait(lambda: screen.viewers["tracks"].ids() == [8], TIMEOUT_S)
     found = list(read_bag(bag, ["/markers/tracks"]))
-    assert [r.type for r in found] == [MARKER_ARRAY] * 2
+    assert {r.type for r in found} == {MARKER_ARRAY}
     first = found[0].message().markers
     assert [(m.action, m.ns, m.id) for m in first] == [(3, "", 0), (0, "confirmed", 3)]
 

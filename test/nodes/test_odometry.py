@@ -103,3 +103,8 @@ def test_without_odometry_diagnostics_say_what_is_missing(domain):
         assert nodes.spin_until(lambda: radar.counters["odometry_missing"] == 1, WAIT_S)
         text = radar.health()[1]
         assert text == "no odometry has come yet; nobody publishes the odometry wheels"
+        # Somebody does, but it is no odometry.
+        strange = car.create_publisher(PointCloud2, "wheels", stream())
+        wrong = "odometry wheels is of type sensor_msgs/msg/PointCloud2: allowed is one of nav_msgs"
+        assert nodes.spin_until(lambda: wrong in radar.health()[1], WAIT_S)
+        car.destroy_publisher(strange)

@@ -58,7 +58,8 @@ def take_odometry(
     else:
         raise MessageError(f"odometry of type {kind}")
     p = parameters
-    if p.pose_source == "odometry" and parent.lstrip("/") != p.tracking_frame.lstrip("/"):
+    elsewhere = parent.lstrip("/") != p.tracking_frame.lstrip("/")
+    if p.pose_source == "odometry" and kind == ODOMETRY and elsewhere:
         counters["odometry_unknown_frame"] += 1
         return f"its pose is told in {parent or '(no frame)'}, tracks in {p.tracking_frame}"
     if p.odometry_frame and frame.lstrip("/") != p.odometry_frame.lstrip("/"):
