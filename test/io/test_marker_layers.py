@@ -16,7 +16,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 from gda_tracker.io.bag_types import serialize
 from gda_tracker.io.markers import cdr, layers, shapes
 from gda_tracker.io.markers.layers import Layers
-from gda_tracker.io.markers.parameters import LAYERS, MarkerParameters, colour_of, marker_topics
+from gda_tracker.io.markers.parameters import (
+    COLOUR_NAMES,
+    LAYERS,
+    MarkerParameters,
+    colour_of,
+    marker_topics,
+)
 from gda_tracker.kinematics.gating import gate
 from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.parameters import ParameterError, from_mapping, specifications
@@ -523,9 +529,12 @@ def test_a_parameter_acts_from_the_next_scan_on(name, run, plain_run):
 @pytest.mark.parametrize(
     ("values", "text"),
     [
-        ({"gate_colour": "blue"}, "gate_colour: colour 'blue': allowed is #rrggbb or #rrggbbaa"),
-        ({"class_colours": ["cargo"]}, "class_colours: 'cargo', allowed are entries class=#rrggbb"),
-        ({"class_colours": ["a=#000000", "a=#ffffff"]}, "entries class=#rrggbb that differ"),
+        (
+            {"gate_colour": "pink"},
+            "gate_colour: colour 'pink': allowed is '#rrggbb' or '#rrggbbaa'",
+        ),
+        ({"class_colours": ["cargo"]}, "class_colours: 'cargo', allowed are entries class=colour"),
+        ({"class_colours": ["a=#000000", "a=#ffffff"]}, "entries class=colour that differ"),
         ({"class_colours": ["cargo=#12"]}, "class_colours: colour '#12'"),
         ({"layers": ["lidar"]}, "layers = ['lidar']: allowed is a list, each one of detections"),
         ({"ellipse_probability": 1.0}, "ellipse_probability = 1.0: allowed is a number > 0 and"),
@@ -542,5 +551,7 @@ def test_wrong_parameters_are_named(values, text):
 def test_colours_and_topics():
     assert colour_of("#ff0080") == (1.0, 0.0, pytest.approx(128 / 255), 1.0)
     assert colour_of("#00000080")[3] == pytest.approx(128 / 255)
+    assert colour_of("red") == (1.0, 0.0, 0.0, 1.0)
+    assert all(colour_of(name) == colour_of(text) for name, text in COLOUR_NAMES.items())
     assert "markers/tracks=visualization_msgs/msg/MarkerArray" in marker_topics()
     assert len(marker_topics()) == len(LAYERS)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 from gda_tracker_msgs.msg import Scan, TrackArray
 from graph_helpers import TIMEOUT_S, scenario_plays
+from marker_viewer import Viewer
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -20,9 +18,6 @@ from gda_tracker.nodes.qualities import latched, stream
 from gda_tracker.nodes.recorder import RecorderNode
 from gda_tracker.nodes.runner import Nodes, stage_nodes
 from gda_tracker.nodes.scan_source import ScanSourceNode
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "io"))
-from marker_viewer import Viewer
 
 METHOD = "map/bayes/cv"
 LOOKED_AT = ("tracks", "gates")
@@ -86,9 +81,9 @@ def test_beside_a_ring_only_what_is_looked_at_is_made(domain):
         assert result.successful, result.reason
         assert nodes.spin_until(lambda: not shown.shown, TIMEOUT_S)
         assert screen.viewers["gates"].shown
-        (result,) = markers.set_parameters([Parameter("gate_colour", value="red")])
+        (result,) = markers.set_parameters([Parameter("gate_colour", value="pink")])
         assert not result.successful
-        assert "allowed is #rrggbb" in result.reason
+        assert "allowed is '#rrggbb'" in result.reason
 
         # So is all when somebody asks for it.
         assert nodes.spin_until(screen.reset.service_is_ready, TIMEOUT_S)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 from nav_msgs.msg import Odometry
+from odometry_examples import MOUNTING, WALKER_MPS, S, columns_at, odometry_message
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
@@ -17,9 +15,6 @@ from gda_tracker.io.radar.point_cloud import point_cloud_of_columns
 from gda_tracker.nodes.qualities import stream
 from gda_tracker.nodes.radar_input import RadarInputNode
 from gda_tracker.nodes.runner import Nodes
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "io"))
-from odometry_examples import MOUNTING, WALKER_MPS, S, columns_at, odometry_message
 
 SETTINGS = {
     **MOUNTING,

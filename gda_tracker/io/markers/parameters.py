@@ -22,6 +22,20 @@ LAYERS = (
 )
 MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 COLOUR_SOURCES = ("class", "status", "track")
+# By name too, for in YAML and on a command line a # begins a comment unless it stands in quotes.
+COLOUR_NAMES = {
+    "white": "#ffffff",
+    "black": "#000000",
+    "grey": "#999999",
+    "red": "#ff0000",
+    "orange": "#e69f00",
+    "sky_blue": "#56b4e9",
+    "green": "#009e73",
+    "yellow": "#f0e442",
+    "blue": "#0072b2",
+    "vermillion": "#d55e00",
+    "purple": "#cc79a7",
+}
 _COLOUR = re.compile(r"#([0-9a-fA-F]{6})([0-9a-fA-F]{2})?")
 
 Colour = tuple[float, float, float, float]
@@ -38,16 +52,19 @@ def marker_topics() -> list[str]:
 
 
 def colour_of(text: str) -> Colour:
-    """Return red, green, blue and opacity, 0 to 1 each, of ``#rrggbb`` or ``#rrggbbaa``.
+    """Return red, green, blue and opacity, 0 to 1 each, of ``#rrggbb``, ``#rrggbbaa`` or a name.
 
     Raises
     ------
     ParameterError
         If it is none.
     """
-    found = _COLOUR.fullmatch(text)
+    found = _COLOUR.fullmatch(COLOUR_NAMES.get(text, text))
     if found is None:
-        raise ParameterError(f"colour {text!r}: allowed is #rrggbb or #rrggbbaa, e.g. #0072b2")
+        raise ParameterError(
+            f"colour {text!r}: allowed is '#rrggbb' or '#rrggbbaa' in quotes, or one of "
+            f"{', '.join(COLOUR_NAMES)}"
+        )
     red, green, blue, opacity = bytes.fromhex(found[1] + (found[2] or "ff"))
     return red / 255.0, green / 255.0, blue / 255.0, opacity / 255.0
 
@@ -75,8 +92,8 @@ class MarkerParameters:
     )
     class_colours: list[str] = parameter(
         [],
-        "colours of classes as class=#rrggbb, e.g. cargo=#0072b2; those that are not named take "
-        "one of eight that colour-blind people can tell apart",
+        "colours of classes as class=colour, e.g. cargo=#0072b2 or cargo=blue; those that are not "
+        "named take one of eight that colour-blind people can tell apart",
     )
     confirmed_colour: str = parameter(
         "#009e73", "colour of confirmed tracks with colour_by status", advanced=True
@@ -185,7 +202,7 @@ class MarkerParameters:
             name, sign, text = (part.strip() for part in entry.partition("="))
             if not sign or not name or name in found:
                 raise ParameterError(
-                    f"parameter class_colours: {entry!r}, allowed are entries class=#rrggbb that "
+                    f"parameter class_colours: {entry!r}, allowed are entries class=colour that "
                     "differ"
                 )
             try:
