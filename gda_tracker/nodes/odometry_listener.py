@@ -7,8 +7,8 @@ from typing import Any
 
 from gda_tracker.io.bag_types import message_class
 from gda_tracker.io.foreign_types import package_of
-from gda_tracker.io.radar.input_parameters import ODOMETRY_TYPES
 from gda_tracker.io.radar.odometry_messages import take_odometry
+from gda_tracker.io.radar.parameter_groups.motion import ODOMETRY_TYPES
 from gda_tracker.kinematics.odometry_buffer import OdometryBuffer
 from gda_tracker.nodes.qualities import sensor
 

@@ -17,13 +17,9 @@ from test_transform_bags import tf, transform
 from gda_tracker.io.adapters import InputOptions, load_recording
 from gda_tracker.io.adapters.adapter import RecordingError
 from gda_tracker.io.bags import BagTopic, BagWriter
-from gda_tracker.io.radar.input_parameters import (
-    ODOMETRY,
-    TWIST,
-    TWIST_WITH_COVARIANCE,
-    RadarInputParameters,
-)
+from gda_tracker.io.radar.input_parameters import RadarInputParameters
 from gda_tracker.io.radar.odometry_messages import take_odometry
+from gda_tracker.io.radar.parameter_groups.motion import ODOMETRY, TWIST, TWIST_WITH_COVARIANCE
 from gda_tracker.io.radar.point_cloud import point_cloud_of_columns
 from gda_tracker.io.transform_messages import TF_MESSAGE
 from gda_tracker.kinematics.odometry_buffer import OdometryBuffer

@@ -12,7 +12,8 @@ from sensor_msgs.msg import PointCloud2
 
 from gda_tracker.io.bag_types import serialize
 from gda_tracker.io.messages import detections_from_message
-from gda_tracker.io.radar.input_parameters import POINT_CLOUD, RadarInputParameters
+from gda_tracker.io.radar.input_parameters import RadarInputParameters
+from gda_tracker.io.radar.parameter_groups.source import POINT_CLOUD
 from gda_tracker.io.radar.point_cloud import point_cloud_of_columns
 from gda_tracker.kinematics.odometry_buffer import Odometry
 from gda_tracker.kinematics.rigid_transforms import RigidTransform

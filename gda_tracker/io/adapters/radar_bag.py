@@ -12,9 +12,10 @@ from gda_tracker.io.adapters.adapter import InputOptions, RecordingError
 from gda_tracker.io.adapters.radar_frames import MAX_NAMED, recording_of_frames
 from gda_tracker.io.bags import Bag, BagError, read_bag
 from gda_tracker.io.radar.frames import RadarFrame
-from gda_tracker.io.radar.input_parameters import ODOMETRY_TYPES, RadarInputParameters
+from gda_tracker.io.radar.input_parameters import RadarInputParameters
 from gda_tracker.io.radar.messages import RADAR_TYPES, frame_of_message
 from gda_tracker.io.radar.odometry_messages import take_odometry
+from gda_tracker.io.radar.parameter_groups.motion import ODOMETRY_TYPES
 from gda_tracker.io.transform_messages import TF_STATIC_TOPIC, TF_TOPIC, take_transforms
 from gda_tracker.kinematics.odometry_buffer import OdometryBuffer
 from gda_tracker.kinematics.transform_buffer import TransformBuffer

@@ -9,8 +9,8 @@ import numpy as np
 
 from gda_tracker.errors import UserError
 from gda_tracker.io.radar.frames import Fields
-from gda_tracker.io.radar.input_parameters import ALIASES
 from gda_tracker.io.radar.inspection import Inspection
+from gda_tracker.io.radar.parameter_groups.fields import ALIASES
 from gda_tracker.vocabulary.arrays import FloatArray
 
 # Beyond the names that are taken without asking: names that only hint, for fields of their own.

@@ -14,12 +14,12 @@ from gda_tracker.errors import UserError
 from gda_tracker.io.fields import MessageError, stamp_from_time
 from gda_tracker.io.radar.conversion import RadarScan
 from gda_tracker.io.radar.frames import Fields, RadarFrame, detections_of_frame, frame_of_columns
-from gda_tracker.io.radar.input_parameters import (
+from gda_tracker.io.radar.input_parameters import RadarInputParameters
+from gda_tracker.io.radar.parameter_groups.source import (
     POINT_CLOUD,
     RADAR_SCAN,
     RADAR_TRACKS,
     RADAR_TYPES,
-    RadarInputParameters,
 )
 from gda_tracker.io.radar.point_cloud import field_types, read_fields
 from gda_tracker.vocabulary.arrays import FloatArray

@@ -13,12 +13,8 @@ from typing import Any
 import numpy as np
 
 from gda_tracker.io.fields import MessageError, stamp_from_time
-from gda_tracker.io.radar.input_parameters import (
-    ODOMETRY,
-    TWIST,
-    TWIST_WITH_COVARIANCE,
-    RadarInputParameters,
-)
+from gda_tracker.io.radar.input_parameters import RadarInputParameters
+from gda_tracker.io.radar.parameter_groups.motion import ODOMETRY, TWIST, TWIST_WITH_COVARIANCE
 from gda_tracker.kinematics.odometry_buffer import Odometry, OdometryBuffer
 from gda_tracker.kinematics.rigid_transforms import RigidTransform
 from gda_tracker.vocabulary.arrays import FloatArray

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
-from gda_tracker.io.radar.input_parameters import RADAR_TYPES
+from gda_tracker.io.radar.parameter_groups.source import RADAR_TYPES
 from gda_tracker.nodes.diagnosis.findings import ERROR, NOTE, WARNING, Finding
 from gda_tracker.nodes.diagnosis.look import DETECTIONS_TYPE, RADAR_INPUT
 from gda_tracker.nodes.diagnosis.observation import Observation

@@ -17,7 +17,7 @@ from rosgraph_msgs.msg import Clock
 
 from gda_tracker.errors import UserError
 from gda_tracker.io.parameter_files import known_tables
-from gda_tracker.io.radar.input_parameters import RADAR_TYPES
+from gda_tracker.io.radar.parameter_groups.source import RADAR_TYPES
 from gda_tracker.nodes.diagnosis.environment import busy_domains
 from gda_tracker.nodes.diagnosis.observation import (
     NS_PER_S,

@@ -15,10 +15,11 @@ from gda_tracker.io.parameter_files import read_parameter_file
 from gda_tracker.io.radar import inspection as inspection_module
 from gda_tracker.io.radar.frames import RadarFrame, detections_of_frame, frame_of_columns
 from gda_tracker.io.radar.guesses import guess, judge_rcs
-from gda_tracker.io.radar.input_parameters import POINT_CLOUD, RadarInputParameters
+from gda_tracker.io.radar.input_parameters import RadarInputParameters
 from gda_tracker.io.radar.inspection import inspect_frames, look_at_stamps
 from gda_tracker.io.radar.inspection_report import report
 from gda_tracker.io.radar.messages import frame_of_message
+from gda_tracker.io.radar.parameter_groups.source import POINT_CLOUD
 from gda_tracker.io.radar.recommendation import recommend, recommended_yaml
 from gda_tracker.parameters import from_mapping
 from gda_tracker.resources import resource

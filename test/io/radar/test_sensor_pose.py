@@ -8,7 +8,8 @@ import pytest
 from gda_tracker.io.radar.conversion import detections_of_fields
 from gda_tracker.io.radar.ego_motion import static_range_rate
 from gda_tracker.io.radar.frames import detections_of_frame, frame_of_columns
-from gda_tracker.io.radar.input_parameters import POINT_CLOUD, RadarInputParameters
+from gda_tracker.io.radar.input_parameters import RadarInputParameters
+from gda_tracker.io.radar.parameter_groups.source import POINT_CLOUD
 from gda_tracker.io.radar.sensor_pose import TiltError, sensor_pose
 from gda_tracker.kinematics.rigid_transforms import RigidTransform, quaternion_of_angles
 from gda_tracker.kinematics.sensor_models import cartesian_positions, polar_measurements
