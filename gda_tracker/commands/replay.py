@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,7 +30,12 @@ from gda_tracker.tracking.ring import stage_parameters
 from gda_tracker.vocabulary.statements import StatementReport
 from gda_tracker.vocabulary.tracks import Tracks
 
+if TYPE_CHECKING:
+    from gda_tracker.evaluation.rounds import Heard
+    from gda_tracker.nodes.ring_listener import RingListenerNode
+
 STALL_TIMEOUT_S = 60.0
+DIAGNOSTICS_TIMEOUT_S = 3.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +78,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="OUT.jsonl",
         help="with --offline: write why each detection went to its track, one JSON object per scan "
         "(docs/association-log.md)",
+    )
+    parser.add_argument(
+        "--report",
+        type=Path,
+        metavar="FILE.html",
+        help="write one page with counts, pictures (tracks, beliefs, radar cross sections, "
+        "latency, consistency) and, where the truth is known, measures (docs/replay-report.md)",
     )
     parser.add_argument(
         "--bag", type=Path, metavar="FOLDER", help="record all topics (not offline)"
@@ -129,6 +142,14 @@ def run(args: argparse.Namespace) -> int:
         raise UserError("--tracks-delayed: allowed with --offline alone, which makes the same")
     if args.tracks_smoothed and not args.offline:
         raise UserError("--tracks-smoothed: allowed with --offline alone, which makes the same")
+    if args.report:
+        from gda_tracker.evaluation.figures import require_matplotlib
+
+        try:
+            require_matplotlib()
+        except ImportError as error:
+            raise UserError(f"--report: {error}") from error
+        args.report.parent.mkdir(parents=True, exist_ok=True)
     if not 0.0 <= args.rate < float("inf"):
         raise UserError(f"--rate {args.rate}: allowed is a number >= 0")
     play, preset_name, parameters = load_playback(args)
@@ -139,10 +160,11 @@ def run(args: argparse.Namespace) -> int:
     said: list[StatementReport] = []
     delayed: list[Tracks] = []
     smoothed: list[Tracks] = []
+    heard: list[Heard] = []
     if args.offline:
-        answers = _offline(play, parameters, said, args.association_log, delayed, smoothed)
+        answers = _offline(play, parameters, args, said, delayed, smoothed, heard)
     else:
-        answers = _through_the_nodes(play, parameters, args, said)
+        answers = _through_the_nodes(play, parameters, args, said, heard)
     if args.tracks:
         _write_table(args.tracks, [tracks for _, tracks in answers])
         print(f"tracks: {args.tracks}")
@@ -160,6 +182,13 @@ def run(args: argparse.Namespace) -> int:
         count = Counter(report.reason or report.outcome for report in said)
         print("statements: " + ", ".join(f"{number} {name}" for name, number in count.items()))
     print_summary(play, answers, {"delayed": delayed, "smoothed": smoothed}, args.match_distance)
+    if args.report:
+        from gda_tracker.commands.replay_report import write_report
+
+        write_report(
+            args.report, play, preset_name, parameters, answers, heard[0], args.match_distance
+        )
+        print(f"report: {args.report}")
     return 0
 
 
@@ -219,12 +248,14 @@ def load_playback(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
 def _offline(
     play: Playback,
     parameters: Parameters,
+    args: argparse.Namespace,
     said: list[StatementReport],
-    log_path: Path | None,
     delayed: list[Tracks],
     smoothed: list[Tracks],
+    heard: list[Heard],
 ) -> Answers:
     from gda_tracker.evaluation.association_log import AssociationLogWriter
+    from gda_tracker.evaluation.rounds import OfflineRounds
     from gda_tracker.tracking.ring import Ring
     from gda_tracker.tracking.smoothing import Smoother
 
@@ -233,8 +264,11 @@ def _offline(
     if play.initial is not None:
         ring.initialise(play.initial)
     answers: Answers = []
+    rounds = OfflineRounds()
     with ExitStack() as stack:
-        log = stack.enter_context(AssociationLogWriter(log_path)) if log_path else None
+        log = None
+        if args.association_log:
+            log = stack.enter_context(AssociationLogWriter(args.association_log))
         bar = stack.enter_context(progress_bar(len(play.detections), "scans"))
         for position, detections in enumerate((*play.detections, None)):
             said += [ring.say(statement) for statement in play.said_before(position)]
@@ -243,9 +277,12 @@ def _offline(
                 delayed += result.delayed
                 if log is not None:
                     log.write(result)
+                if args.report:
+                    rounds.note(result)
             bar(len(answers))
     delayed += ring.rest_of_delayed()
     smoothed += ring.smoother.tracks()
+    heard.append(rounds.heard())
     return answers
 
 
@@ -260,7 +297,11 @@ def credits_needed(play: Playback, parameters: Parameters) -> int:
 
 
 def _through_the_nodes(
-    play: Playback, parameters: Parameters, args: argparse.Namespace, said: list[StatementReport]
+    play: Playback,
+    parameters: Parameters,
+    args: argparse.Namespace,
+    said: list[StatementReport],
+    heard: list[Heard],
 ) -> Answers:
     from gda_tracker.nodes.runner import Nodes, RingProcesses, private_environment, use_environment
     from gda_tracker.nodes.scan_source import ScanSourceNode
@@ -270,20 +311,29 @@ def _through_the_nodes(
 
     def make(**options: object) -> list[object]:
         settings = {"rate": args.rate, "credits": credits_needed(play, parameters)}
+        others: list[object] = []
+        if args.report:
+            from gda_tracker.nodes.ring_listener import RingListenerNode
+
+            listeners.append(RingListenerNode(**options))
+            others += listeners
+            options["ready"] = listeners[0].heard_diagnostics
         source = ScanSourceNode(settings, plays=[play], collect=True, **options)
-        if not args.bag:
-            return [source]
-        from gda_tracker.nodes.recorder import RecorderNode
+        options.pop("ready", None)
+        if args.bag:
+            from gda_tracker.nodes.recorder import RecorderNode
 
-        if not args.markers:
-            return [source, RecorderNode({"bag": str(args.bag)}, **options)]
-        from gda_tracker.io.markers.parameters import marker_topics
-        from gda_tracker.nodes.markers import MarkersNode
+            recorded: dict[str, object] = {"bag": str(args.bag)}
+            if args.markers:
+                from gda_tracker.io.markers.parameters import marker_topics
+                from gda_tracker.nodes.markers import MarkersNode
 
-        of_markers = node_of_file(args.params, MARKERS) or {}
-        recorded = {"bag": str(args.bag), "also": marker_topics()}
-        return [source, MarkersNode(of_markers, **options), RecorderNode(recorded, **options)]
+                others.append(MarkersNode(node_of_file(args.params, MARKERS) or {}, **options))
+                recorded["also"] = marker_topics()
+            others.append(RecorderNode(recorded, **options))
+        return [source, *others]
 
+    listeners: list[RingListenerNode] = []
     with (
         RingProcesses(parameters, environment) as ring,
         Nodes(make) as nodes,
@@ -302,6 +352,11 @@ def _through_the_nodes(
         bar(source.progress.answered)
         if source.error:
             raise UserError(source.error)
+        for listener in listeners:
+            # The figures of the last scans come with the next diagnostics, within a second.
+            listener.forget_diagnostics()
+            nodes.spin_until(listener.heard_diagnostics, DIAGNOSTICS_TIMEOUT_S)
+            heard.append(listener.heard(source.progress.reports))
         progress = source.progress
         said += progress.statement_reports
     return [

@@ -38,14 +38,10 @@ def print_summary(
         How far a track may be from its target; ``None``: what the recording says, or by
         where the truth comes from.
     """
-    outcomes = Counter(
-        f"rejected: {report.reason}" if report.outcome == "rejected" else report.outcome
-        for report, _ in answers
-    )
+    reports = [report for report, _ in answers]
+    outcomes = count_outcomes(reports)
     print("scans: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
-    left_out: Counter[str] = Counter()
-    for report, _ in answers:
-        left_out.update(report.rejected)
+    left_out = count_left_out(reports)
     if left_out:
         print("detections: " + ", ".join(f"{count} {reason}" for reason, count in left_out.items()))
     tracked = [(report, tracks) for report, tracks in answers if tracks is not None]
@@ -59,25 +55,48 @@ def print_summary(
         )
     if play.truth is None:
         return
-    pairs = _with_truth(play.truth, [tracks for _, tracks in tracked])
+    pairs = with_truth(play.truth, [tracks for _, tracks in tracked])
     if not pairs:
         return
-    # Where every detection's source is known the truth is a simulation's, and complete.
-    simulated = all(r.source_id is not None for _, r in pairs)
-    usual = SIMULATED_MATCH_M if simulated else REAL_MATCH_M
-    match_distance_m = match_distance_m or play.match_distance_m or usual
+    match_distance_m, simulated = match_distance(play, [r for _, r in pairs], match_distance_m)
     _print_scores(pairs, simulated, match_distance_m)
     for when, tracks_by_scan in revised.items():
-        later = _with_truth(play.truth, tracks_by_scan)
+        later = with_truth(play.truth, tracks_by_scan)
         if later:
             error = _score(later, simulated, match_distance_m).position_rmse_m
             print(f"position error, {when}: {error:.1f} m (RMS)")
 
 
+def count_outcomes(reports: Sequence[ScanReport]) -> Counter[str]:
+    """What became of the scans, rejected ones by their reason."""
+    return Counter(
+        f"rejected: {report.reason}" if report.outcome == "rejected" else report.outcome
+        for report in reports
+    )
+
+
+def count_left_out(reports: Sequence[ScanReport]) -> Counter[str]:
+    """Detections left out of admitted scans, by the reason."""
+    left_out: Counter[str] = Counter()
+    for report in reports:
+        left_out.update(report.rejected)
+    return left_out
+
+
+def match_distance(
+    play: Playback, known: Sequence[ScanTruth], asked_m: float | None
+) -> tuple[float, bool]:
+    """How far [m] a track may be from its target, and whether the truth is complete."""
+    # Where every detection's source is known the truth is a simulation's, and complete.
+    simulated = all(truth.source_id is not None for truth in known)
+    usual = SIMULATED_MATCH_M if simulated else REAL_MATCH_M
+    return asked_m or play.match_distance_m or usual, simulated
+
+
 Pairs = list[tuple[Tracks, ScanTruth]]
 
 
-def _with_truth(truth: Sequence[ScanTruth], tracks_by_scan: Sequence[Tracks]) -> Pairs:
+def with_truth(truth: Sequence[ScanTruth], tracks_by_scan: Sequence[Tracks]) -> Pairs:
     """Tracks and truth of the scans that have both."""
     known = {(t.sensor_id, t.stamp_ns): t for t in truth}
     return [

@@ -9,6 +9,7 @@ import numpy as np
 from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations, Predictions
+from gda_tracker.vocabulary.innovations import taken_pairs
 from gda_tracker.vocabulary.scans import Scan
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
@@ -160,14 +161,11 @@ def taken_nis(
     Of a track with several hypotheses it is that of the one which led before the scan.
     """
     a = associations
-    row = np.searchsorted(tracks.track_id, predictions.track_id[a.hypothesis])
-    row = np.minimum(row, len(tracks) - 1)
-    own = tracks.track_id[row] == predictions.track_id[a.hypothesis]
-    taken = (
-        own
-        & leading[a.hypothesis]
-        & (tracks.status[row] == CONFIRMED)
-        & (tracks.detection_index[row] == scan.source_index[a.detection])
+    taken = taken_pairs(
+        predictions.track_id[a.hypothesis],
+        leading[a.hypothesis],
+        scan.source_index[a.detection],
+        tracks,
     )
     return np.asarray(a.mahalanobis_squared[taken], dtype=np.float64)
 

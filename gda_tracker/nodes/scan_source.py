@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import uuid
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -104,6 +104,8 @@ class ScanSourceNode(RingNode):
     collect
         Listen to ``tracks`` too, and take a scan as answered only when its tracks have come:
         nothing is missed while subscriptions are still being matched.
+    ready
+        Asked before the first scan: whether whoever wants to hear all of them does.
     """
 
     def __init__(
@@ -111,6 +113,7 @@ class ScanSourceNode(RingNode):
         parameters: Mapping[str, Any] | None = None,
         plays: list[Playback] | None = None,
         collect: bool = False,
+        ready: Callable[[], bool] = lambda: True,
         **options: Any,
     ) -> None:
         super().__init__("scan_source", ScanSourceParameters, parameters, **options)
@@ -118,7 +121,7 @@ class ScanSourceNode(RingNode):
         if plays is None:
             plays = load_playbacks(p.input, p.adapter, p.runs, p.seed, p.method)
         self._plays = deque(plays)
-        self._collect = collect
+        self._collect, self._ready = collect, ready
         self._play: Playback | None = None
         self._position = 0
         self._waiting: dict[tuple[str, int], _Sent] = {}
@@ -184,7 +187,7 @@ class ScanSourceNode(RingNode):
             and self.count_publishers("statement_reports") > 0
         )
         return (
-            heard
+            (heard and (self.progress.sent > 0 or self._ready()))
             and self._detections.get_subscription_count() > 0
             and self.count_publishers("scan_reports") > 0
         )

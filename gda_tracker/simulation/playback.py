@@ -25,6 +25,7 @@ class Playback:
     """One run: scans in order; truth per scan and labelled tracks to start from, or ``None``.
 
     ``statements`` are said on the way, each with the number of scans before it, in this order.
+    ``notes`` are lines about the source and how it was read.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Playback:
     initial: Tracks | None = None
     statements: list[tuple[int, Statement]] = field(default_factory=list)
     match_distance_m: float | None = None
+    notes: tuple[str, ...] = ()
 
     def said_before(self, position: int) -> list[Statement]:
         """Statements that are said right before the scan at a position."""
@@ -47,6 +49,7 @@ def of_recording(recording: Recording) -> Playback:
         recording.truth,
         statements=recording.statements,
         match_distance_m=recording.match_distance_m,
+        notes=tuple(filter(None, (recording.origin, *recording.notes, *recording.warnings))),
     )
 
 

@@ -7,9 +7,11 @@
 
 from __future__ import annotations
 
+import operator
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from gda_tracker.association.associate import AssociationParameters, Associator
@@ -35,6 +37,16 @@ STAGE_TABLES: dict[str, type] = {
     "association": AssociationParameters,
 }
 
+# What a round consists of, in the order in which its parts are timed.
+PARTS_OF_A_ROUND = (
+    "prediction",
+    "rcs_fuzzifier",
+    "gating",
+    "attribute_fusion",
+    "association",
+    "update",
+)
+
 Associate = Callable[[Scan, Predictions, AttributeScores | None, GatedPairs], Associations]
 
 
@@ -44,7 +56,8 @@ class RingResult:
 
     ``delayed``: tracks of earlier scans with a past that is final now (decision ``mht``).
     ``assigned`` (H,): for each hypothesis of the predictions the detection that it was given by
-    what speaks for its track after the scan, -1 for none.
+    what speaks for its track after the scan, -1 for none. ``stage_s`` says how long each part of
+    the round took [s].
     """
 
     report: ScanReport
@@ -56,6 +69,7 @@ class RingResult:
     associations: Associations | None = None
     delayed: tuple[Tracks, ...] = ()
     assigned: Int32Array | None = None
+    stage_s: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,21 +219,37 @@ class Ring:
         return results
 
     def _once_round(self, prepared: Evidence | None) -> RingResult:
+        clock = time.perf_counter
+        marks = [clock()]
         opened = self.manager.open()
         scan, predictions = opened.scan, opened.predictions
+        marks.append(clock())
         # What was prepared knows of no statements.
         evidence = self.fuzzifier(scan) if prepared is None or scan.statements else prepared
+        marks.append(clock())
         pairs = gate(scan, predictions)
+        marks.append(clock())
         scores = self.fusion(
             predictions, evidence, pairs.hypothesis, pairs.detection, scan.statements
         )
+        marks.append(clock())
         associations = self.associate(scan, predictions, scores, pairs)
+        marks.append(clock())
         tracks, report = self.manager.close(evidence, scores, associations, trusted=True)
+        marks.append(clock())
         if self.smoother is not None:
             self.smoother.add(self.manager)
-        delayed, assigned = tuple(self.manager.delayed), self.manager.assigned
         return RingResult(
-            report, tracks, scan, predictions, evidence, scores, associations, delayed, assigned
+            report,
+            tracks,
+            scan,
+            predictions,
+            evidence,
+            scores,
+            associations,
+            tuple(self.manager.delayed),
+            self.manager.assigned,
+            dict(zip(PARTS_OF_A_ROUND, map(operator.sub, marks[1:], marks), strict=True)),
         )
 
     def rest_of_delayed(self) -> list[Tracks]:

@@ -58,14 +58,14 @@ def track_map(
     histories = [h for h in track_histories(tracks) if h.confirmed.any()]
     paths = target_paths(truth) if truth is not None else {}
     owners = _owners(tracks, truth, match_distance_m) if truth is not None else {}
-    points = _stack([detection_positions(d) for d in detections])
+    points = stack_points([detection_positions(d) for d in detections])
     own_ship = np.array([d.sensor_position_m[:2] for d in detections]).reshape(-1, 2)
     mapped = [h.position_m for h in histories if not paths or h.track_id in owners]
-    shown = _stack([*paths.values(), *mapped, own_ship])
-    box = _box(shown if len(mapped) else _stack([shown, points]), margin=0.10)
+    shown = stack_points([*paths.values(), *mapped, own_ship])
+    box = box_around(shown if len(mapped) else stack_points([shown, points]), margin=0.10)
     with canvas(8.6, 6.6) as figure:
         axes = figure.add_subplot()
-        scale = _prepare(axes, box, axis_names)
+        scale = prepare_map(axes, box, axis_names)
         if len(own_ship):
             axes.plot(*(own_ship / scale).T, ":", color=INK, lw=1.2)
             axes.plot(*(own_ship[-1] / scale), "^", ls=":", color=INK, ms=7, label="radar")
@@ -91,7 +91,7 @@ def track_map(
                 style |= {"lw": 0.9, "alpha": 0.5}
             axes.plot(*line.T, **style, label=None if owner in labelled else label)
             axes.plot(*line[0], "o", ms=4, color=tint, mec="white", mew=0.6)
-            _name(axes, line[0], f"{history.track_id}", tint)
+            name_place(axes, line[0], f"{history.track_id}", tint)
             labelled.add(owner)
         axes.set_title(title)
         legend_below(figure, axes, 3)
@@ -121,9 +121,9 @@ def association_maps(
         What x and y are.
     """
     paths, names = target_paths(truth), target_names(truth)
-    points = _stack([detection_positions(d) for d in detections])
+    points = stack_points([detection_positions(d) for d in detections])
     lines = [h.position_m for tracks in panels.values() for h in track_histories(tracks)]
-    box = _box(_stack([*paths.values(), *lines]), margin=0.05)
+    box = box_around(stack_points([*paths.values(), *lines]), margin=0.05)
     width, height = box[1] - box[0]
     panel_width = 4.3
     with canvas(
@@ -131,7 +131,7 @@ def association_maps(
     ) as figure:
         all_axes = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
         for axes, (title, tracks) in zip(all_axes, panels.items(), strict=True):
-            scale = _prepare(axes, box, axis_names)
+            scale = prepare_map(axes, box, axis_names)
             axes.set_title(title)
             axes.plot(
                 *(points / scale).T, ".", ms=3.5, color=PALE, label="detection or false alarm"
@@ -214,12 +214,13 @@ def _ids(truth: Sequence[ScanTruth]) -> list[int]:
     return np.unique(np.concatenate([t.target_id for t in truth])).tolist()
 
 
-def _stack(parts: Sequence[FloatArray]) -> FloatArray:
+def stack_points(parts: Sequence[FloatArray]) -> FloatArray:
+    """All finite points (n, 2) of several arrays of points."""
     points = np.concatenate([np.zeros((0, 2)), *parts])
     return points[np.isfinite(points).all(axis=1)]
 
 
-def _box(points: FloatArray, margin: float) -> FloatArray:
+def box_around(points: FloatArray, margin: float) -> FloatArray:
     """Corners (2, 2) of what holds all points with a margin, never empty."""
     if not len(points):
         return np.array([[-1.0, -1.0], [1.0, 1.0]])
@@ -228,8 +229,8 @@ def _box(points: FloatArray, margin: float) -> FloatArray:
     return np.array([low - border, high + border])
 
 
-def _prepare(axes: Any, box: FloatArray, axis_names: tuple[str, str]) -> float:
-    """Set limits and labels; return what to divide metres by."""
+def prepare_map(axes: Any, box: FloatArray, axis_names: tuple[str, str]) -> float:
+    """Set limits and labels of a map; return what to divide metres by."""
     large = float((box[1] - box[0]).max()) > KILOMETRES_FROM_M
     scale, unit = (1000.0, "km") if large else (1.0, "m")
     axes.set_aspect("equal")
@@ -241,7 +242,8 @@ def _prepare(axes: Any, box: FloatArray, axis_names: tuple[str, str]) -> float:
     return scale
 
 
-def _name(axes: Any, place: FloatArray, text: str, tint: str) -> None:
+def name_place(axes: Any, place: FloatArray, text: str, tint: str) -> None:
+    """Write a name beside a point."""
     axes.annotate(
         text,
         place,
