@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
-from html.parser import HTMLParser
+from functools import partial
 
 import numpy as np
 import pytest
+from replay_pages import Page
 
 from gda_tracker.cli import main
-from gda_tracker.commands.replay_sections import _longest_run
+from gda_tracker.commands import replay_sections
+from gda_tracker.evaluation.figures import png
 from gda_tracker.io.adapters import load_recording
 from gda_tracker.io.bags import BagTopic, BagWriter
 from gda_tracker.io.messages import detections_to_message
@@ -21,42 +22,10 @@ from gda_tracker.tracking.ring import PARTS_OF_A_ROUND, Ring
 BOATS = resource("data", "autoferry", "scenario16")
 
 
-class Page(HTMLParser):
-    """Texts of the cells, paragraphs and captions of a page, and its pictures."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.pictures: list[str] = []
-        self.rows: list[list[str]] = []
-        self.headings: list[str] = []
-        self.texts: list[str] = []
-        self._open: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attributes):
-        if tag == "img":
-            assert dict(attributes)["src"].startswith("data:image/png;base64,")
-            self.pictures.append(dict(attributes)["alt"])
-        elif tag != "meta":
-            self._open.append(tag)
-        if tag == "tr":
-            self.rows.append([])
-
-    def handle_endtag(self, tag):
-        assert self._open.pop() == tag
-
-    def handle_data(self, data):
-        inside = self._open[-1] if self._open else ""
-        if inside in ("td", "th"):
-            self.rows[-1].append(data)
-        elif inside == "h2":
-            self.headings.append(data)
-        elif inside in ("p", "figcaption"):
-            self.texts.append(data)
-
-    def value(self, name):
-        (found,) = {row[1] for row in self.rows if row[0] == name and len(row) == 2}
-        return found
+@pytest.fixture(autouse=True)
+def _coarse_pictures(monkeypatch):
+    """Rendering takes most of the time, and is tested elsewhere."""
+    monkeypatch.setattr(replay_sections, "png", partial(png, dpi=20))
 
 
 def replay(tmp_path, *arguments):
@@ -124,32 +93,29 @@ def test_report_with_masses_classes_and_complete_truth(tmp_path, capsys):
     assert float(page.value("purity")) > 0.5
 
 
+def write_bag(path, scans):
+    with BagWriter(path, [BagTopic("detections", "gda_tracker_msgs/msg/DetectionArray")]) as writer:
+        for detections in scans:
+            writer.write("detections", detections_to_message(detections), detections.stamp_ns)
+    return path
+
+
 def test_what_was_left_out_stands_there_by_its_reason(tmp_path):
-    recording = load_recording(BOATS)
-    scans = recording.detections[:6]
+    scans = load_recording(BOATS).detections[:6]
     scans[2].range_m = scans[2].range_m.copy()
     scans[2].range_m[0] = np.nan
-    bag = tmp_path / "bag"
-    with BagWriter(bag, [BagTopic("detections", "gda_tracker_msgs/msg/DetectionArray")]) as writer:
-        late = replace(scans[1], stamp_ns=scans[1].stamp_ns + 1)
-        for detections in [*scans, late]:
-            writer.write("detections", detections_to_message(detections), detections.stamp_ns)
-    page = replay(tmp_path, bag)
-    assert page.value("scans tracked") == "6"
+    scans[4].sensor_position_m = np.full(3, np.nan)
+    page = replay(tmp_path, write_bag(tmp_path / "bag", scans))
+    assert page.value("scans tracked") == "5"
     rejected = [row for row in page.rows if row[0].startswith("scans rejected: ")]
-    assert rejected == [["scans rejected: late", "1"]]
+    assert rejected == [["scans rejected: bad_sensor_pose", "1"]]
     left_out = [row for row in page.rows if row[0].startswith("detections rejected: ")]
     assert left_out == [["detections rejected: not_finite", "1"]]
 
 
 def test_a_recording_without_a_confirmed_track_has_a_report(tmp_path):
-    params = tmp_path / "blind.yaml"
-    params.write_text(
-        "track_manager:\n  ros__parameters:\n    confirmation_hits: 60\n"
-        "    confirmation_scans: 60\n    extraction: m_of_n\n"
-    )
-    page = replay(tmp_path, BOATS, "--params", params, "--method", "map/none/cv")
-    assert page.pictures == ["Tracks around the targets", "Plan position", "Latency per stage"]
+    page = replay(tmp_path, write_bag(tmp_path / "bag", load_recording(BOATS).detections[:1]))
+    assert page.pictures == ["Plan position", "Latency per stage"]
     assert page.value("tracks confirmed") == "0"
     assert any("No track was confirmed" in text for text in page.texts)
     assert any("No confirmed track took a detection" in text for text in page.texts)
@@ -168,4 +134,4 @@ def test_a_report_that_cannot_be_written_is_an_error_in_one_line(tmp_path, capsy
     ("marks", "longest"), [([], 0), ([0, 0], 0), ([1, 1, 0, 1], 2), ([0, 1, 1, 1], 3), ([1], 1)]
 )
 def test_longest_run(marks, longest):
-    assert _longest_run(np.array(marks, dtype=bool)) == longest
+    assert replay_sections._longest_run(np.array(marks, dtype=bool)) == longest
