@@ -59,7 +59,7 @@ demo: setup ## run the demo
 	@$(BIN)/gda-tracker demo
 
 .PHONY: test
-test: lint test-core test-nodes test-kills-beside-oldest ## run everything: lint, core, nodes, oldest numpy and scipy
+test: lint docs test-core test-nodes test-kills-beside-oldest ## run everything: lint, docs, core, nodes, oldest numpy and scipy
 
 .PHONY: setup-test
 setup-test: ## the environment with the test tools
@@ -75,6 +75,11 @@ lint: setup-test ## check style, format, types and import layers
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+.PHONY: docs
+docs: setup-test ## build the documentation as a site into build/site
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo 'documentation: build/site/index.html'
 
 .PHONY: test-core
 test-core: setup-test ## test everything that needs no running nodes

@@ -6,7 +6,9 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
+from rclpy.validate_topic_name import validate_topic_name
 
 from gda_tracker.errors import UserError
 from gda_tracker.io.bag_types import message_class
@@ -55,6 +57,10 @@ def listen(topic: str, wait_s: float, seconds: float) -> Iterator[RadarFrame]:
     UserError
         If nothing comes within ``wait_s``, or the topic is not a radar's.
     """
+    try:
+        validate_topic_name(topic)
+    except InvalidTopicNameException as error:
+        raise UserError(f"{topic}: no such file, and no name that a topic can have") from error
     use_environment(transport_environment())
     received: list[Any] = []
 

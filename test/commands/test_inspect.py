@@ -134,3 +134,11 @@ def test_errors_are_one_line_and_say_what_is_allowed(arguments, message, capsys)
     said = capsys.readouterr().err
     assert message in said
     assert said.count("\n") == 1
+
+
+def test_a_file_that_is_not_there_is_no_topic_either(capsys):
+    assert main(["inspect", "missing/plots.csv"]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert told == [
+        "gda-tracker inspect: missing/plots.csv: no such file, and no name that a topic can have"
+    ]
