@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gda_tracker.cli import COMMANDS, main
-from gda_tracker.commands.replay import credits_needed
+from gda_tracker.commands.replay_nodes import credits_needed
 from gda_tracker.io.adapters import load_recording
 from gda_tracker.io.parameter_files import parameter_yaml
 from gda_tracker.resources import resource
