@@ -65,7 +65,8 @@ class Inspection:
 
     ``values`` (m,) by field are the ones kept, of the same points in every field; ``examples`` are
     the first frames with points. ``unreadable`` counts frames that contradict themselves, by what
-    was wrong; ``layouts`` frames by their fields, more than one if the driver changes them.
+    was wrong; ``layouts`` those with points by their fields: more than one if the driver changes
+    them.
     """
 
     source: str
@@ -97,8 +98,8 @@ def inspect_frames(source: str, frames: Iterable[RadarFrame]) -> Inspection:
     source
         Name for the report.
     frames
-        In the order in which they came. A frame with other fields than the first one is counted
-        in ``layouts``, but its values are left out.
+        In the order in which they came. A frame with other fields than the first one with points
+        is counted in ``layouts``, but its values are left out.
     """
     found = Inspection(source)
     kept = _Kept()
@@ -109,11 +110,11 @@ def inspect_frames(source: str, frames: Iterable[RadarFrame]) -> Inspection:
         if frame.frame_id not in found.frame_ids:
             found.frame_ids.append(frame.frame_id)
         found.stamps_ns.append(frame.stamp_ns)
-        found.layouts[", ".join(f"{name} {kind}" for name, kind in frame.types.items())] += 1
-        types = types or dict(frame.types)
-        if dict(frame.types) != types:
-            continue
-        names = [name for name, kind in types.items() if not kind.startswith("datatype")]
+        # The fields of RadarTracks are those that its tracks bring: without any nothing is known.
+        own = dict(frame.types)
+        if not found.examples:
+            types = own
+        names = [name for name, kind in own.items() if not kind.startswith("datatype")]
         try:
             values = frame.read(names, {})
         except UserError as error:
@@ -121,11 +122,15 @@ def inspect_frames(source: str, frames: Iterable[RadarFrame]) -> Inspection:
             continue
         number = len(next(iter(values.values()), ()))
         found.points.append(number)
-        if number and len(found.examples) < EXAMPLES:
-            found.examples.append(frame)
-        for name, column in values.items():
-            extremes.setdefault(name, _Extremes()).add(column)
-        kept.add(values, number)
+        if number:
+            found.layouts[", ".join(f"{name} {kind}" for name, kind in own.items())] += 1
+            if own != types:
+                continue
+            if len(found.examples) < EXAMPLES:
+                found.examples.append(frame)
+            for name, column in values.items():
+                extremes.setdefault(name, _Extremes()).add(column)
+            kept.add(values, number)
     found.values = kept.columns()
     for name, kind in types.items():
         seen = extremes.get(name, _Extremes())

@@ -45,6 +45,17 @@ def float_cloud(columns, stamp_ns=0):
 # --- statistics and stamps
 
 
+def test_empty_frames_of_other_fields_do_not_hide_those_with_points():
+    # RadarTracks without tracks does not tell whether tracks bring a covariance.
+    empty, full = {"x": []}, {"x": [1.0, 2.0], "x_std": [0.1, 0.2]}
+    frames = [columns_frame(columns, i) for i, columns in enumerate([empty, full, empty, full])]
+    found = inspect_frames("x", frames)
+    assert found.points == [0, 2, 0, 2]
+    assert [item.name for item in found.statistics] == ["x", "x_std"]
+    assert found.of("x_std").number == 4
+    assert len(found.layouts) == 1 and len(found.examples) == 2
+
+
 @settings(max_examples=40, deadline=None)
 @given(
     st.lists(st.lists(st.floats(-1e6, 1e6) | st.just(math.nan), max_size=8), min_size=1, max_size=6)
