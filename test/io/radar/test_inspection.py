@@ -53,7 +53,8 @@ def test_empty_frames_of_other_fields_do_not_hide_those_with_points():
     assert found.points == [0, 2, 0, 2]
     assert [item.name for item in found.statistics] == ["x", "x_std"]
     assert found.of("x_std").number == 4
-    assert len(found.layouts) == 1 and len(found.examples) == 2
+    assert len(found.layouts) == 1
+    assert len(found.examples) == 2
 
 
 @settings(max_examples=40, deadline=None)
