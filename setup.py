@@ -20,6 +20,7 @@ NODES = (
     "radar_input",
     "track_output",
     "markers",
+    "set_valued_tracker",
 )
 
 

@@ -2,8 +2,9 @@
 
 One pair of functions per class: ``detections_to_message`` and ``detections_from_message``, and so
 on. They live in :mod:`~gda_tracker.io.scan_messages`, :mod:`~gda_tracker.io.belief_messages`,
-:mod:`~gda_tracker.io.statement_messages` and :mod:`~gda_tracker.io.track_messages`; single fields
-are converted in :mod:`~gda_tracker.io.fields`.
+:mod:`~gda_tracker.io.statement_messages`, :mod:`~gda_tracker.io.track_messages` and
+:mod:`~gda_tracker.io.track_set_messages`; single fields are converted in
+:mod:`~gda_tracker.io.fields`.
 """
 
 from gda_tracker.io.belief_messages import (
@@ -36,6 +37,7 @@ from gda_tracker.io.statement_messages import (
     statement_to_message,
 )
 from gda_tracker.io.track_messages import tracks_from_message, tracks_to_message
+from gda_tracker.io.track_set_messages import track_sets_from_message, track_sets_to_message
 
 __all__ = [
     "MessageError",
@@ -63,6 +65,8 @@ __all__ = [
     "statement_report_from_message",
     "statement_report_to_message",
     "statement_to_message",
+    "track_sets_from_message",
+    "track_sets_to_message",
     "tracks_from_message",
     "tracks_to_message",
 ]

@@ -34,6 +34,8 @@ OF_EVERY_NODE = ("autostart", "use_sim_time", "start_type_description_service", 
 
 # The node that makes detections of what a radar publishes.
 RADAR_INPUT = "radar_input"
+# The node that tracks by sets.
+SET_VALUED_TRACKER = "set_valued_tracker"
 # The node that gives tracks out in the formats of others.
 TRACK_OUTPUT = "track_output"
 # The node that shows what the tracker does as markers.
@@ -54,16 +56,18 @@ def stage_tables() -> dict[str, type]:
 
 
 def known_tables() -> dict[str, type]:
-    """Return the tables that a parameter file may hold: those of the ring, its input, outputs."""
+    """Return the tables that a parameter file may hold: of the ring and the nodes beside it."""
     from gda_tracker.io.markers.parameters import MarkerParameters
     from gda_tracker.io.radar.input_parameters import RadarInputParameters
     from gda_tracker.io.track_output_parameters import TrackOutputParameters
+    from gda_tracker.tracking.set_valued.parameters import SetValuedParameters
 
     return {
         **stage_tables(),
         RADAR_INPUT: RadarInputParameters,
         TRACK_OUTPUT: TrackOutputParameters,
         MARKERS: MarkerParameters,
+        SET_VALUED_TRACKER: SetValuedParameters,
     }
 
 

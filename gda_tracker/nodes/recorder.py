@@ -10,6 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from gda_tracker_msgs import msg
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from visualization_msgs.msg import MarkerArray
 
 from gda_tracker.io.bag_types import message_class
 from gda_tracker.io.bags import BagTopic, BagWriter
@@ -33,6 +34,8 @@ TOPICS: dict[str, tuple[type, QoSProfile]] = {
     "associations": (msg.Associations, latched(100)),
     "tracks": (msg.TrackArray, stream(1000)),
     "tracks_delayed": (msg.TrackArray, stream(1000)),
+    "track_sets": (msg.TrackSetArray, stream(1000)),
+    "track_set_markers": (MarkerArray, stream(100)),
     "scan_reports": (msg.ScanReport, stream(1000)),
     "/diagnostics": (DiagnosticArray, stream(100)),
 }

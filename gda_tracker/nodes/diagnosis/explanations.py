@@ -263,6 +263,28 @@ EXPLANATIONS: dict[str, Explanation] = {
         "scans in which all radar cross sections are the same, so they tell nothing",
         "gda-tracker params set rcs_unit=none",
     ),
+    # set_valued_tracker
+    "azimuth_too_coarse": _of(
+        WARNING,
+        "detections with an azimuth error above 0.5 rad, which tell no position",
+        "azimuth_std_rad of the detections, or a radar that is tilted: elevation too high",
+    ),
+    "tracks_started": _of("", "tracks begun"),
+    "tracks_ended": _of("", "tracks of which the last set ended"),
+    "sets_coasted_out": _of("", "sets that ended without detections"),
+    "sets_far_below_best": _of("", "sets that ended because their score was too low"),
+    "sets_merged": _of("", "sets that became one with another of their track"),
+    "sets_duplicate": _of("", "sets that followed the same detections as another track's"),
+    "sets_over_track_limit": _of(
+        NOTE,
+        "sets beyond max_sets_per_track: more associations are possible than are kept",
+        "set_valued_tracker: a smaller theta, a larger boldness, or max_sets_per_track",
+    ),
+    "sets_over_limit": _of(
+        WARNING,
+        "sets beyond max_sets: clutter starts too many tracks",
+        "set_valued_tracker: a larger max_sets, or a smaller initial_speed_radius_mps",
+    ),
     # source and evaluator
     "resent": _of(NOTE, "scans that the source sent again, since no answer came"),
     "statement_resent": _of(NOTE, "statements that the source sent again"),
