@@ -131,7 +131,7 @@ def _best_of_track(track_id: IntArray, score: FloatArray, count: int) -> BoolArr
 
 def _lives_without(branches: Branches, miss_branches: str) -> BoolArray:
     """Which sets live on without a detection."""
-    alone: BoolArray = ~branches.may_own.any(axis=1)
+    alone = np.count_nonzero(branches.may_own, axis=1) == 0
     if miss_branches == NEVER or not len(branches):
         return alone
     if miss_branches == ALWAYS:
