@@ -70,6 +70,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help=f"seed of the crossing targets ({DEFAULT_SEED})",
     )
+    parser.add_argument(
+        "--set-valued",
+        action="store_true",
+        help="instead: three crossing tracks by sets (Stirling & Thompson 1991), some seconds",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -81,6 +86,10 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--seed {args.seed}: allowed is an integer >= 0")
     try:
         require_matplotlib()
+        if args.set_valued:
+            from gda_tracker.commands import demo_set_valued
+
+            return demo_set_valued.run(args.out, args.seed)
         from gda_tracker.io.bag_types import require_rosbags
 
         require_rosbags()
