@@ -198,7 +198,7 @@ class LifeParameters:
         advanced=True,
     )
     max_sets_per_track: int = parameter(
-        10, "the best scored stay", minimum=1, maximum=1000, advanced=True
+        10, "the best scored stay", minimum=1, maximum=100, advanced=True
     )
     max_sets: int = parameter(
         500,

@@ -82,9 +82,9 @@ def merge(branches: Branches, distance: float, scans: int) -> Branches:
     if not len(first):
         return branches
     gap = branches.sets.centroid[second] - branches.sets.centroid[first]
-    own = branches.sets.matrix[first]
-    extent = branches.sets.covariance[first] + own @ own.transpose(0, 2, 1)
-    square = np.sum(gap * np.linalg.solve(extent, gap[:, :, None])[:, :, 0], axis=1)
+    own = branches.sets.matrix
+    root = np.linalg.cholesky(branches.sets.covariance + own @ own.transpose(0, 2, 1))
+    square = np.sum((np.linalg.inv(root)[first] @ gap[:, :, None]) ** 2, axis=(1, 2))
     last = branches.memory[:, -scans:]
     same = (last[first] == last[second]).all(axis=1)
     joins = (square < distance**2) | same
