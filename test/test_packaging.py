@@ -31,6 +31,7 @@ NODES = (
     "scan_source",
     "track_manager",
     "track_output",
+    "set_valued_tracker",
 )
 
 

@@ -16,6 +16,8 @@ RADAR_INPUT = "radar_input"
 TRACK_OUTPUT = "track_output"
 # Node that shows what the tracker does as markers.
 MARKERS = "markers"
+# Node that tracks the same detections by sets.
+SET_VALUED_TRACKER = "set_valued_tracker"
 
 Parameters = dict[str, dict[str, Any]]
 
@@ -69,7 +71,7 @@ def gather_parameters(
 
         for node, values in read_parameter_file(params).items():
             merged[node] = {**merged.get(node, {}), **values}
-    for node in (RADAR_INPUT, TRACK_OUTPUT, MARKERS):
+    for node in (RADAR_INPUT, TRACK_OUTPUT, MARKERS, SET_VALUED_TRACKER):
         merged.pop(node, None)
     if method is not None:
         merged["track_manager"] = {**merged.get("track_manager", {}), **parse_method(method)}

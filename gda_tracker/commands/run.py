@@ -9,6 +9,7 @@ import time
 from gda_tracker.commands.options import (
     MARKERS,
     RADAR_INPUT,
+    SET_VALUED_TRACKER,
     TRACK_OUTPUT,
     Parameters,
     add_parameter_options,
@@ -54,6 +55,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="publish what the tracker does as visualization_msgs/MarkerArray, a topic per layer "
         "below markers/, for RViz and Foxglove; with --bag they are recorded too (docs/layers.md)",
+    )
+    parser.add_argument(
+        "--set-valued",
+        action="store_true",
+        help="run the node set_valued_tracker on the same detections too: sets of estimates on "
+        "track_sets, associations that cannot be rejected stay open "
+        "(docs/set-valued-tracking.md); also if the parameter file has a section of that node",
     )
     add_preset_option(parser)
     add_parameter_options(parser)
@@ -130,6 +138,9 @@ def _parameters(args: argparse.Namespace) -> Parameters:
         parameters[TRACK_OUTPUT] = of_output
     if args.markers:
         parameters[MARKERS] = node_of_file(args.params, MARKERS) or {}
+    of_sets = node_of_file(args.params, SET_VALUED_TRACKER)
+    if args.set_valued or of_sets is not None:
+        parameters[SET_VALUED_TRACKER] = dict(of_sets or {})
     if not args.input:
         return parameters
     of_radar = {**preset.get(RADAR_INPUT, {}), **(of_file or {}), "input_topic": args.input}
@@ -189,6 +200,10 @@ def _beside_the_ring(parameters: Parameters, **options: object) -> list[object]:
         from gda_tracker.nodes.markers import MarkersNode
 
         found.append(MarkersNode(parameters[MARKERS], **options))
+    if SET_VALUED_TRACKER in parameters:
+        from gda_tracker.nodes.set_valued_tracker import SetValuedTrackerNode
+
+        found.append(SetValuedTrackerNode(parameters[SET_VALUED_TRACKER], **options))
     return found
 
 
@@ -197,6 +212,7 @@ def _what(parameters: Parameters) -> str:
         RADAR_INPUT: "the radar input",
         TRACK_OUTPUT: "the track output",
         MARKERS: "the markers",
+        SET_VALUED_TRACKER: "the set-valued tracker",
     }
     return " and ".join(
         ["four nodes", *(text for node, text in names.items() if node in parameters)]
@@ -246,7 +262,8 @@ def _run_processes(parameters: Parameters, remap: list[str], bag: str | None) ->
             )
             ring.start(stage)
 
-    beside = [node for node in (RADAR_INPUT, TRACK_OUTPUT, MARKERS) if node in parameters]
+    possible = (RADAR_INPUT, TRACK_OUTPUT, MARKERS, SET_VALUED_TRACKER)
+    beside = [node for node in possible if node in parameters]
     stages = (*STAGES, *beside)
     with RingProcesses(parameters, arguments=remap, stages=stages) as ring:
         print(f"gda-tracker run: {len(stages)} processes, {_waits(parameters)}")

@@ -15,6 +15,7 @@ from gda_tracker.vocabulary.statements import (
     StatementRegion,
     StatementReport,
 )
+from gda_tracker.vocabulary.track_sets import TrackSetArray
 from gda_tracker.vocabulary.tracks import CONFIRMED, TENTATIVE, Tracks
 
 __all__ = [
@@ -35,5 +36,6 @@ __all__ = [
     "StatementPiece",
     "StatementRegion",
     "StatementReport",
+    "TrackSetArray",
     "Tracks",
 ]

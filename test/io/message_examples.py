@@ -22,6 +22,7 @@ from gda_tracker.vocabulary import (
     StatementRegion,
     StatementReport,
     Tracks,
+    TrackSetArray,
 )
 
 KEY = ScanKey(2**64 - 1, "radar north", 1_620_205_606_919_338_123)
@@ -313,4 +314,35 @@ def scan_truth(targets: int = 3, labelled: bool = True) -> ScanTruth:
         target_class=CLASSES[:targets],
         run=-1,
         frame_id="map",
+    )
+
+
+def track_sets(count: int = 3) -> TrackSetArray:
+    """Return track sets; the second may own two detections, the last none."""
+    own = [[4], [2, 0], []][:count]
+    return TrackSetArray(
+        key=KEY,
+        frame_id="map",
+        system_uuid=bytes(range(16)),
+        track_id=np.array([1, 1, 2**63 - 1][:count], dtype=np.int64),
+        branch_id=np.array([2**62, 5, 6][:count], dtype=np.int64),
+        parent_branch_id=np.arange(count, dtype=np.int64),
+        status=np.array([1, 1, 0][:count], dtype=np.int64),
+        best=np.array([True, False, True][:count], dtype=bool),
+        centroid=floats(count, 4),
+        covariance=floats(count, 4, 4, seed=1),
+        matrix=floats(count, 4, 4, seed=2),
+        position_radius_m=floats(count, seed=3),
+        speed_radius_mps=floats(count, seed=4),
+        score=floats(count, seed=5),
+        detection_index=np.array([4, 2, -1][:count], dtype=np.int64),
+        may_own_start=np.cumsum([0, *map(len, own)], dtype=np.int64),
+        may_own_index=np.array([i for some in own for i in some], dtype=np.int64),
+        hits=np.array([2**32 - 1, 3, 1][:count], dtype=np.int64),
+        misses=np.arange(count, dtype=np.int64),
+        coasted_scans=np.array([0, 0, 1][:count], dtype=np.int64),
+        first_detection_ns=np.full(count, KEY.stamp_ns, dtype=np.int64),
+        last_detection_ns=np.full(count, KEY.stamp_ns + 1, dtype=np.int64),
+        deleted_track_id=np.array([7, 8], dtype=np.int64),
+        deleted_branch_id=np.array([9], dtype=np.int64),
     )

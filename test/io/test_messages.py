@@ -55,6 +55,7 @@ ROUND_TRIPS = {
     "statement": ("statement", [examples.statement(), examples.statement(0)]),
     "statement_report": ("statement_report", [examples.statement_report()]),
     "tracks": ("tracks", [examples.tracks(), examples.tracks(0)]),
+    "track_sets": ("track_sets", [examples.track_sets(), examples.track_sets(0)]),
     "scan_report": ("scan_report", [examples.scan_report()]),
     "scan_truth": (
         "scan_truth",

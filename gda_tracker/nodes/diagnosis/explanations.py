@@ -102,6 +102,7 @@ EXPLANATIONS: dict[str, Explanation] = {
         "stamps went back by more than time_jump_s, so the tracks were reset (a bag loops?)",
         "play the bag without --loop, or stop the second source of the same sensor",
     ),
+    "reset_reset": _of("", "resets that somebody asked for"),
     "reset_gap": _of(
         WARNING,
         "silence of more than max_gap_s, after which all tracks end",
