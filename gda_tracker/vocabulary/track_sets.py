@@ -18,7 +18,8 @@ def _ints() -> IntArray:
 class TrackSetArray:
     """N track sets after one scan; message ``TrackSetArray``.
 
-    By track, the best-scored set of a track first. ``centroid`` (N, 4) [m, m/s] x, y, vx, vy,
+    By track, its ``best`` set, the one that speaks for it, first. ``centroid`` (N, 4) [m, m/s] is
+    x, y, vx, vy,
     ``covariance`` P and ``matrix`` K (N, 4, 4): the means are centroid + K u with |u| <= 1, the
     state is Gaussian with P about each. ``position_radius_m``, ``speed_radius_mps`` (N,): longest
     half axes of the set. ``detection_index`` (N,) is the row in the source's ``Detections`` that

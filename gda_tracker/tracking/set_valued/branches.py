@@ -21,6 +21,7 @@ class Branches:
     """N track sets, each a branch of its track; a row each.
 
     ``branch_id`` (N,) is 0 where none has been given yet; ``parent_id`` names the set before.
+    ``leads`` (N,) names the one set that speaks for its track.
     ``memory`` (N, MEMORY_SCANS) holds the serial numbers of the detections of the last scans, the
     newest last. ``detection`` (N,) is the row in the scan, ``may_own`` (N, s) all rows that the
     predicted set may own. ``score`` (N,) is a log likelihood ratio, stamps are in ns.
@@ -31,6 +32,7 @@ class Branches:
     branch_id: IntArray
     parent_id: IntArray
     confirmed: BoolArray
+    leads: BoolArray
     score: FloatArray
     memory: IntArray
     detection: IntArray
@@ -59,8 +61,8 @@ class Branches:
         return Branches(sets=self.sets.joined(other.sets), **columns)
 
     def by_track(self) -> Branches:
-        """Return the rows by rising track id, the better score first."""
-        return self.select(np.lexsort((-self.score, self.track_id)))
+        """Return the rows by rising track id, what leads first, then the better score."""
+        return self.select(np.lexsort((-self.score, ~self.leads, self.track_id)))
 
     def rank(self) -> IntArray:
         """Return the place (N,) of each row in its track, from 0; sorted by :meth:`by_track`."""
@@ -108,6 +110,7 @@ def new_branches(
         branch_id=none.copy(),
         parent_id=none.copy(),
         confirmed=np.zeros(n, dtype=bool),
+        leads=np.ones(n, dtype=bool),
         score=np.zeros(n),
         memory=memory,
         detection=detection.astype(np.int64),

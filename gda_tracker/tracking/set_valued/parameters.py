@@ -12,10 +12,12 @@ from gda_tracker.tracking.door import DefaultNoise
 # Scans of detections that a set remembers.
 MEMORY_SCANS = 16
 
-ALL, CONFIRMED_TRACKS, BEST_SETS = "all", "confirmed", "best"
-CLAIMANTS = (ALL, CONFIRMED_TRACKS, BEST_SETS)
+ALL, CONFIRMED_TRACKS, LEADING = "all", "confirmed", "leading"
+CLAIMANTS = (ALL, CONFIRMED_TRACKS, LEADING)
 NEVER, AMBIGUOUS, ALWAYS = "never", "ambiguous", "always"
 MISS_BRANCHES = (NEVER, AMBIGUOUS, ALWAYS)
+JOINT, EACH = "joint", "each"
+LEADING_SETS = (JOINT, EACH)
 
 
 @dataclass(frozen=True)
@@ -139,17 +141,24 @@ class LifeParameters:
     """Which sets live."""
 
     miss_branches: str = parameter(
-        AMBIGUOUS,
+        ALWAYS,
         "when a set that may own detections also lives on without any: never, ambiguous (it may "
         "own several, or another track's set may own one of its detections too) or always",
         choices=MISS_BRANCHES,
         advanced=True,
     )
+    leading_sets: str = parameter(
+        JOINT,
+        "which set speaks for its track: those with the best sum of scores of which no two have "
+        "the same detection (joint), or the best scored of each track (each)",
+        choices=LEADING_SETS,
+        advanced=True,
+    )
     initiation_claims: str = parameter(
         ALL,
         "which detections start no set: those that any set may own (all), a set of a confirmed "
-        "track may own (confirmed), or only those that the best-scored set of a track was made "
-        "with (best)",
+        "track may own (confirmed), or only those that the leading set of a track was made with "
+        "(leading)",
         choices=CLAIMANTS,
         advanced=True,
     )
@@ -170,7 +179,7 @@ class LifeParameters:
     )
     score_margin: float = parameter(
         10.0,
-        "a set ends whose score is less than that of its track's best set by more",
+        "a set ends whose score is less than that of its track's leading set by more",
         minimum=0.0,
         advanced=True,
     )
@@ -189,16 +198,16 @@ class LifeParameters:
         advanced=True,
     )
     duplicate_scans: int = parameter(
-        4,
+        2,
         "of sets of different tracks with the same detections in so many scans only one stays: "
-        "the best of its track before others, then confirmed before tentative, then the better "
+        "one that leads its track before others, then confirmed before tentative, then the better "
         "score; 0: all stay",
         minimum=0,
         maximum=MEMORY_SCANS,
         advanced=True,
     )
     max_sets_per_track: int = parameter(
-        10, "the best scored stay", minimum=1, maximum=100, advanced=True
+        10, "the leading set and the best scored stay", minimum=1, maximum=100, advanced=True
     )
     max_sets: int = parameter(
         500,

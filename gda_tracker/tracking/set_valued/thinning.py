@@ -11,17 +11,19 @@ from dataclasses import replace
 import numpy as np
 
 from gda_tracker.tracking.set_valued.branches import NOT_BORN, Branches
-from gda_tracker.tracking.set_valued.parameters import SetValuedParameters
+from gda_tracker.tracking.set_valued.leading import led_by_own_score, led_jointly
+from gda_tracker.tracking.set_valued.parameters import EACH, JOINT, SetValuedParameters
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
+
+LEADING = {JOINT: led_jointly, EACH: led_by_own_score}
 
 
 def thin(branches: Branches, parameters: SetValuedParameters, counters: Counter[str]) -> Branches:
-    """Return the sets that stay, by track, the better score first; count why others went."""
+    """Return the sets that stay, by track, the one that leads first; count why others went."""
     p = parameters
-    branches = branches.by_track()
     keep = branches.coasted <= _longest_coast(branches, p)
     counters["sets_coasted_out"] += _gone(keep)
-    branches = branches.select(keep)
+    branches = LEADING[p.leading_sets](branches.select(keep))
     keep = branches.score >= _best_score(branches) - p.score_margin
     counters["sets_far_below_best"] += _gone(keep)
     branches = branches.select(keep)
@@ -35,7 +37,7 @@ def thin(branches: Branches, parameters: SetValuedParameters, counters: Counter[
 
 
 def cap(branches: Branches, parameters: SetValuedParameters, counters: Counter[str]) -> Branches:
-    """Keep the best sets of each track, and so many in all."""
+    """Keep the first sets of each track, and so many in all."""
     keep = branches.rank() < parameters.max_sets_per_track
     counters["sets_over_track_limit"] += _gone(keep)
     branches = branches.select(keep)
@@ -57,7 +59,7 @@ def _longest_coast(branches: Branches, parameters: SetValuedParameters) -> IntAr
 
 
 def _best_score(branches: Branches) -> FloatArray:
-    """Score of the best set of each row's track; sorted by track and score."""
+    """Score of the set that leads each row's track; sorted by track."""
     return branches.score[np.searchsorted(branches.track_id, branches.track_id)]
 
 
@@ -67,16 +69,16 @@ def merge(branches: Branches, distance: float, scans: int) -> Branches:
     Parameters
     ----------
     branches
-        Sorted by track and score.
+        Sorted by track, the one that leads first, then the better score.
     distance
-        Largest distance of two centroids under P + K K' of the better-scored set.
+        Largest distance of two centroids under P + K K' of the one that comes first.
     scans
         Last scans of which the detections are compared.
 
     Returns
     -------
     Branches
-        The better-scored set stays as it is, and may own what any of those joined might.
+        What comes first stays as it is, and may own what any of those joined might.
     """
     first, second = _pairs_of_tracks(branches.track_id)
     if not len(first):
@@ -91,7 +93,7 @@ def merge(branches: Branches, distance: float, scans: int) -> Branches:
     first, second = first[joins], second[joins]
     keep = np.ones(len(branches), dtype=bool)
     may_own = branches.may_own.copy()
-    # Greedy, from the best-scored down: what has been joined joins nothing itself.
+    # Greedy, from the first down: what has been joined joins nothing itself.
     begin = np.searchsorted(first, np.arange(len(branches) + 1))
     for row in np.unique(first):
         if keep[row]:
@@ -112,7 +114,7 @@ def _pairs_of_tracks(track_id: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def confirm(branches: Branches, hits: int, scans: int) -> Branches:
-    """Confirm the tracks of which the best set has so many detections in the last scans."""
+    """Confirm the tracks of which the leading set has so many detections in the last scans."""
     seen = np.count_nonzero(branches.memory[:, -scans:] >= 0, axis=1) >= hits
     tracks = branches.track_id[(branches.rank() == 0) & seen]
     return replace(branches, confirmed=branches.confirmed | np.isin(branches.track_id, tracks))
@@ -121,8 +123,8 @@ def confirm(branches: Branches, hits: int, scans: int) -> Branches:
 def duplicates(branches: Branches, scans: int) -> BoolArray:
     """Which sets have had, for so many scans, the detections of a set of another track.
 
-    One of each group is none: a best set of its track before others, then one of a confirmed
-    track, then the better score. Sorted by track and score.
+    One of each group is none: one that leads its track before others, then one of a confirmed
+    track, then the better score. Sorted by track.
     """
     found = np.zeros(len(branches), dtype=bool)
     if not scans or len(branches) < 2:

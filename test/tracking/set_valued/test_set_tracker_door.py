@@ -161,7 +161,8 @@ CHANGES = {
     "initial_position_std_m": 500.0,
     "initial_speed_radius_mps": 50.0,
     "initial_speed_std_mps": 5.0,
-    "miss_branches": "always",
+    "miss_branches": "never",
+    "leading_sets": "each",
     "initiation_claims": "confirmed",
     "confirmation_hits": 2,
     "confirmation_scans": 8,
@@ -170,7 +171,7 @@ CHANGES = {
     "score_margin": 1e-6,
     "merge_distance": 3.0,
     "merge_scans": 16,
-    "duplicate_scans": 1,
+    "duplicate_scans": 0,
     "max_sets_per_track": 1,
     "max_sets": 5,
 }
@@ -231,7 +232,7 @@ def test_limits_of_the_door_act_on_the_next_scan():
 
 def test_branches_of_one_track_do_not_share_their_covariance():
     """With noise that depends on the detection P and K differ from branch to branch."""
-    tracker = tracker_of(merge_distance=0.0)
+    tracker = tracker_of(merge_distance=0.0, miss_branches="never")
     tracker.process(scan_at(0.0, [(0.0, 5000.0)]))
     sets, _ = tracker.process(scan_at(2.0, [(150.0, 5000.0), (-150.0, 5000.0)]))
     first, second = sets.covariance
