@@ -73,6 +73,7 @@ def sets_of_tracks(tracks: Tracks) -> TrackSetArray:
         tracks.key,
         track_id=tracks.track_id,
         status=tracks.status,
+        best=np.ones(n, dtype=bool),
         centroid=tracks.mean,
         covariance=tracks.covariance,
         matrix=np.zeros((n, 4, 4)),
@@ -105,7 +106,7 @@ def scores(sets: Sequence[TrackSetArray], truth: Sequence[ScanTruth]) -> dict[st
 
     ``ambiguous``: share of scans with an open association. ``covered``: share of targets, over the
     scans, that a kept set covers. ``own_at_crossing``, ``own_at_end``: the same by a set of the
-    track that covered the target before the crossing. ``sets_per_target``, ``tracks``: means.
+    track whose leading set covered the target before the crossing. ``sets_per_target``, ``tracks``: means.
     """
     count = len(truth[0].target_id)
     good = [s.status == CONFIRMED for s in sets]
@@ -135,10 +136,10 @@ def scores(sets: Sequence[TrackSetArray], truth: Sequence[ScanTruth]) -> dict[st
 
 
 def _owner(target: int, sets: Sequence[TrackSetArray], covers: Sequence[np.ndarray]) -> int:
-    """Track that covers a target most often, -1 for none; of several the oldest."""
+    """Track whose leading set covers a target most often, -1 for none; of several the oldest."""
     found: list[int] = []
     for one, cover in zip(sets, covers, strict=True):
-        found += np.unique(one.track_id[cover[target]]).tolist()
+        found += np.unique(one.track_id[cover[target] & one.best]).tolist()
     return max(sorted(set(found)), key=found.count, default=-1)
 
 
