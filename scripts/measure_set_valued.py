@@ -106,7 +106,8 @@ def scores(sets: Sequence[TrackSetArray], truth: Sequence[ScanTruth]) -> dict[st
 
     ``ambiguous``: share of scans with an open association. ``covered``: share of targets, over the
     scans, that a kept set covers. ``own_at_crossing``, ``own_at_end``: the same by a set of the
-    track whose leading set covered the target before the crossing. ``sets_per_target``, ``tracks``: means.
+    track whose leading set covered the target before the crossing. ``sets_per_target``,
+    ``tracks``: means.
     """
     count = len(truth[0].target_id)
     good = [s.status == CONFIRMED for s in sets]
