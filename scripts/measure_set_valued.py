@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measure set-valued tracking against MHT: tables and pictures of docs/set-valued-tracking.md.
 
-    python scripts/measure_set_valued.py [--runs 40] [--seed 0]
+    python scripts/measure_set_valued.py [--runs 24] [--seed 0] [--redraw]
 
 Both trackers get the same scans of three crossing targets, and are told the same about radar and
 targets. What was measured is kept in docs/set_valued_tracking.json.
@@ -202,42 +202,51 @@ def growth_table(grown: dict[str, list[int]]) -> str:
 
 
 def picture(measured: Measured) -> bytes:
-    """Coverage by the own track at the crossing over the number of sets that it takes."""
+    """Coverage over the number of sets that it takes: colours are theta, marks are b."""
+    marks = dict(zip(BOLDNESS, "v^s", strict=True))
     with canvas(11.5, 3.9) as figure:
         panels = figure.subplots(1, len(measured), sharey=True)
         for axes, (scene, trackers) in zip(panels, measured.items(), strict=True):
             for rank, theta in enumerate(THETA):
-                points = [trackers[f"sets b={b:g} theta={theta:g}"] for b in BOLDNESS]
-                x = [np.mean(p["sets_per_target"]) for p in points]
-                y, errors = zip(
-                    *(mean_and_stderr(np.array(p["own_at_crossing"])) for p in points), strict=True
-                )
-                axes.errorbar(
-                    x, y, yerr=errors, fmt="o-", color=colour(rank), label=f"theta = {theta:g}"
-                )
-                for b, at_x, at_y in zip(BOLDNESS, x, y, strict=True):
-                    axes.annotate(f"{b:g}", (at_x, at_y), xytext=(4, 4), textcoords="offset points")
-            mean, error = mean_and_stderr(np.array(trackers[MHT]["own_at_crossing"]))
-            at = np.mean(trackers[MHT]["sets_per_target"])
-            axes.errorbar([at], [mean], yerr=[error], fmt="*", color="#222222", ms=11, label=MHT)
+                for b in BOLDNESS:
+                    label = f"theta = {theta:g}, b = {b:g}"
+                    values = trackers[f"sets b={b:g} theta={theta:g}"]
+                    _mark(axes, values, marks[b], colour(rank), label)
+            _mark(axes, trackers[MHT], "*", "#222222", MHT)
             axes.set_title(scene)
             axes.set_xlabel("sets per target")
-        panels[0].set_ylabel("targets covered by their own track\nat the crossing")
-        panels[-1].legend(loc="lower right")
+        panels[0].set_ylabel("share of targets covered")
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=5)
     return png(figure)
+
+
+def _mark(axes: Any, values: dict[str, list[float]], mark: str, tint: str, label: str) -> None:
+    mean, error = mean_and_stderr(np.array(values["covered"]))
+    at = np.mean(values["sets_per_target"])
+    axes.errorbar(
+        [at], [mean], yerr=[error], fmt=mark, color=tint, ms=8, alpha=0.8, lw=1, label=label
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Measure and write; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--runs", type=int, default=24)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--docs", type=Path, default=ROOT / "docs")
+    parser.add_argument(
+        "--redraw", action="store_true", help="measure nothing; tables and pictures of what is kept"
+    )
     args = parser.parse_args(arguments)
-    measured, grown = measure(args.runs, args.seed), growth(args.seed)
-    content = {"runs": args.runs, "seed": args.seed, "growth": grown, "scenes": measured}
     kept = args.docs / "set_valued_tracking.json"
-    kept.write_text(json.dumps(content, separators=(",", ":")) + "\n", encoding="utf-8")
+    if args.redraw:
+        content = json.loads(kept.read_text(encoding="utf-8"))
+        measured, grown = content["scenes"], content["growth"]
+    else:
+        measured, grown = measure(args.runs, args.seed), growth(args.seed)
+        content = {"runs": args.runs, "seed": args.seed, "growth": grown, "scenes": measured}
+        kept.write_text(json.dumps(content, separators=(",", ":")) + "\n", encoding="utf-8")
     document = args.docs / "set-valued-tracking.md"
     for scene in SCENES:
         write_section(document, f"set-valued {scene}", table_of(measured, scene))

@@ -39,7 +39,7 @@ def test_decisions_are_those_of_a_hundred_thousand_members(r):
     tests = [AssociationTest(0.3, 3.0, space) for space in (MEASUREMENT, STATE)]
     threshold = math.log(0.3)
     compared = accepted = finite = near = slivers = 0
-    for _ in range(3):
+    for _ in range(2):
         sets, z, h, rho = cases(rng, r, 4, 4)
         ratios = [test.log_ratio(sets, z, h, rho) for test in tests]
         decisions = [test.associated(sets, z, h, rho) for test in tests]
@@ -62,10 +62,10 @@ def test_decisions_are_those_of_a_hundred_thousand_members(r):
                 compared += 1
                 accepted += decision[j, i]
                 assert decision[j, i] == (high >= threshold)
-    assert compared >= 88
-    assert near + slivers <= 8
-    assert finite >= 12
-    assert 15 <= accepted <= compared - 15
+    assert compared >= 58
+    assert near + slivers <= 6
+    assert finite >= 8
+    assert 8 <= accepted <= compared - 8
 
 
 @pytest.mark.parametrize("scale", [100.0, 0.01])
