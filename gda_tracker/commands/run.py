@@ -60,8 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set-valued",
         action="store_true",
         help="run the node set_valued_tracker on the same detections too: sets of estimates on "
-        "track_sets, associations that cannot be rejected stay open "
-        "(docs/set-valued-tracking.md); also if the parameter file has a section of that node",
+        "track_sets, associations that cannot be rejected stay open (docs/set-valued-tracking.md)",
     )
     add_preset_option(parser)
     add_parameter_options(parser)
@@ -138,13 +137,15 @@ def _parameters(args: argparse.Namespace) -> Parameters:
         parameters[TRACK_OUTPUT] = of_output
     if args.markers:
         parameters[MARKERS] = node_of_file(args.params, MARKERS) or {}
-    of_sets = node_of_file(args.params, SET_VALUED_TRACKER)
-    if args.set_valued or of_sets is not None:
-        parameters[SET_VALUED_TRACKER] = dict(of_sets or {})
+    frame = parameters.get("track_manager", {}).get("tracking_frame")
+    if args.set_valued:
+        of_sets = dict(node_of_file(args.params, SET_VALUED_TRACKER) or {})
+        if frame is not None:
+            of_sets.setdefault("tracking_frame", frame)
+        parameters[SET_VALUED_TRACKER] = of_sets
     if not args.input:
         return parameters
     of_radar = {**preset.get(RADAR_INPUT, {}), **(of_file or {}), "input_topic": args.input}
-    frame = parameters.get("track_manager", {}).get("tracking_frame")
     if frame is not None:
         of_radar.setdefault("tracking_frame", frame)
     from_mapping(RadarInputParameters, of_radar)

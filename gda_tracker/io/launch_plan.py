@@ -16,6 +16,7 @@ from gda_tracker.io.markers.parameters import LAYERS, marker_topic, marker_topic
 from gda_tracker.io.parameter_files import (
     MARKERS,
     RADAR_INPUT,
+    SET_VALUED_TRACKER,
     TRACK_OUTPUT,
     read_parameter_file,
 )
@@ -73,6 +74,7 @@ TRACKER_ARGUMENTS = (
     Argument("outputs", "", f"formats beside tracks, with commas between: {', '.join(OUTPUTS)}"),
     Argument("rviz", "false", "true: start RViz too, and the node markers for it"),
     Argument("markers", "false", "true: start the node markers, and record them with record"),
+    Argument("set_valued", "false", "true: start the node set_valued_tracker too"),
     Argument("autostart", "true", "false: nodes wait for their lifecycle transitions"),
     Argument("processes", "four", "four: one process per node; one: all nodes in one process"),
 )
@@ -109,11 +111,12 @@ def tracker_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> P
         if name not in OUTPUTS:
             raise LaunchError(f"outputs:={name}: allowed is one of {', '.join(OUTPUTS)}")
     rviz, markers = _switch(values, "rviz"), _switch(values, "markers")
+    sets = _switch(values, "set_valued")
     plan = _plan(values, environment, sim_time)
     if values["processes"] == "one":
         if not autostart:
             raise LaunchError("autostart:=false: allowed with processes:=four only")
-        plan.programs.append(_run_command(values, outputs, sim_time, markers or rviz))
+        plan.programs.append(_run_command(values, outputs, sim_time, markers or rviz, sets))
     elif values["processes"] == "four":
         common = {"use_sim_time": sim_time, "autostart": autostart}
         nodes: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
@@ -123,6 +126,8 @@ def tracker_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> P
             nodes[TRACK_OUTPUT] = {name: name for name in outputs}
         if markers or rviz:
             nodes[MARKERS] = {}
+        if sets:
+            nodes[SET_VALUED_TRACKER] = {}
         plan.nodes += [NodePlan(node, [*files, {**own, **common}]) for node, own in nodes.items()]
         _record(plan, values["record"], outputs, markers)
     else:
@@ -235,7 +240,7 @@ def _record(plan: Plan, folder: str, outputs: list[str], markers: bool = False) 
 
 
 def _run_command(
-    values: Mapping[str, str], outputs: list[str], sim_time: bool, markers: bool
+    values: Mapping[str, str], outputs: list[str], sim_time: bool, markers: bool, sets: bool
 ) -> list[str]:
     command = ["gda-tracker", "run"]
     for option, name in (
@@ -249,4 +254,5 @@ def _run_command(
             command += [option, values[name]]
     for name in outputs:
         command += ["--output", name]
-    return [*command, *(["--use-sim-time"] * sim_time), *(["--markers"] * markers)]
+    switches = {"--use-sim-time": sim_time, "--markers": markers, "--set-valued": sets}
+    return [*command, *(option for option, given in switches.items() if given)]
