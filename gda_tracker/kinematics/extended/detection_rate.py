@@ -14,12 +14,18 @@ from scipy.special import gammaln
 
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 
+LEAST_SHAPE = 1.0
+
 
 def predict_rate(
     shape: FloatArray, rate: FloatArray, dt_s: float, memory_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Forget: the expected rate a/b stays, its variance grows by exp(dt / memory)."""
-    kept = math.exp(-dt_s / memory_s)
+    """Forget: the expected rate a/b stays, its variance grows by exp(dt / memory).
+
+    The shape does not fall below 1, the exponential density: after a long time any rate may be, but
+    the mean is not lost.
+    """
+    kept = np.maximum(math.exp(-dt_s / memory_s), np.minimum(1.0, LEAST_SHAPE / shape))
     return shape * kept, rate * kept
 
 

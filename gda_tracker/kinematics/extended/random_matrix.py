@@ -246,12 +246,25 @@ def feldmann_log_likelihood(
     log_centroid = -0.5 * (
         d * LOG_2PI + np.linalg.slogdet(innovation)[1] + np.sum(residual * pull, axis=1)
     )
-    ratio = _size(detection) / _size(spread * states.extent)
-    weight = LEAST_WEIGHT + (states.weight - LEAST_WEIGHT) * ratio
-    scale = weight[:, None, None] * detection
-    log_scatter = _log_wishart_evidence(scale, scale + cells.scatter, weight + d + 1.0, n - 1.0)
+    return log_centroid + log_scatter_likelihood(states.extent, states.weight, cells, spread)
+
+
+def log_scatter_likelihood(
+    extent: FloatArray, weight: FloatArray, cells: Cells, spread: float = 0.25
+) -> FloatArray:
+    """Log density (N,) of a cell's detections about their centroid, for an uncertain extent.
+
+    What is left of p(z_1 .. z_n | n) without the density of the centroid, in 1/m^((n - 1) d):
+    0 for one detection. See :func:`feldmann_log_likelihood`.
+    """
+    n, d = cells.count.astype(np.float64), cells.centroid.shape[1]
+    detection = spread * extent + cells.noise
+    ratio = _size(detection) / _size(spread * extent)
+    freedom = LEAST_WEIGHT + (weight - LEAST_WEIGHT) * ratio
+    scale = freedom[:, None, None] * detection
+    evidence = _log_wishart_evidence(scale, scale + cells.scatter, freedom + d + 1.0, n - 1.0)
     # From n - 1 orthonormal differences to the positions: the n-th is root n times the centroid.
-    return log_centroid + log_scatter - 0.5 * d * np.log(n)
+    return evidence - 0.5 * d * np.log(n)
 
 
 def _log_wishart_evidence(

@@ -50,3 +50,7 @@ def test_forgetting_keeps_the_mean():
     a, b = predict_rate(A, B, 2.0, 4.0)
     assert a[0] / b[0] == pytest.approx(5.0)
     assert a[0] / b[0] ** 2 == pytest.approx(5.0 / 0.7 * np.exp(0.5))
+    a, b = predict_rate(A, B, 1e6, 1.0)
+    assert (a[0], a[0] / b[0]) == pytest.approx((1.0, 5.0))
+    few = np.array([0.4])
+    assert predict_rate(few, B, 5.0, 1.0)[0] == few
