@@ -145,7 +145,7 @@ class ExtendedTracker:
                 whole[seen] = getattr(new, name)
                 setattr(states, name, whole)
         shape[seen], rate[seen] = update_rate(shape[seen], rate[seen], count[seen])
-        # An object that is not seen keeps its rate: else the rate would fall until it explains every
+        # An object not seen keeps its rate: else the rate would fall until it explains every
         # further miss, and a lost track would live for ever.
         return ExtendedTracks(
             ahead.track_id, states, shape, rate, log_ratio, ahead.confirmed, count, probability
