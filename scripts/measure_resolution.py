@@ -32,55 +32,53 @@ from gda_tracker.evaluation.statistics import mean_and_stderr  # noqa: E402
 from gda_tracker.kinematics.motion_models import white_noise_acceleration  # noqa: E402
 from scripts.doc_tables import markdown, write_section  # noqa: E402
 
-STEP_S, SCANS, DENSITY = 5.0, 36, 0.02
+STEP_S, SCANS, DENSITY = 5.0, 36, 0.05
 NOISE = np.diag([20.0, 50.0]) ** 2
-HALF_M = np.array([150.0, 500.0])  # resolution: P_u = 1/2 at these distances
 SEEN, CLUTTER, WIDE = 0.9, 2e-9, 12_000.0
-SCENES = {
-    "they cross": (700.0, 700.0),
-    "they meet, fly side by side and part": (-700.0, 100.0),
+ACROSS_M, RANGE_CELL_M = 700.0, 150.0
+# Resolution across: P_u = 1/2 at this distance [m].
+SCENES = {"a cell of 500 m": 500.0, "a cell of 800 m": 800.0}
+# What the tracker believes: whether there is a limit, and P_D.
+BELIEFS = {
+    "with": (True, SEEN),
+    "without": (False, SEEN),
+    "without, P_D = 0.6": (False, 0.6),
 }
-MODELS = ("with", "without")
+MODELS = tuple(BELIEFS)
 KEPT_WITHIN_M = 300.0
 
 
-def sensor(limited: bool) -> ResolutionSensor:
-    """The sensor as it is, or as one that resolves everything."""
+def sensor(scene: str, model: str) -> ResolutionSensor:
+    """The sensor as a tracker believes it to be."""
+    limited, seen = BELIEFS[model]
     return ResolutionSensor(
-        np.eye(2, 4),
-        NOISE,
-        NOISE,
-        SEEN,
-        SEEN,
-        CLUTTER,
-        resolution_covariance(HALF_M) if limited else None,
+        np.eye(2, 4), NOISE, NOISE, seen, SEEN, CLUTTER, resolution(scene) if limited else None
     )
 
 
-def paths(scene: str) -> np.ndarray:
-    """True states (SCANS, 2, 4): 200 m/s ahead, and across from side to side or towards and off."""
-    end, least = SCENES[scene]
+def resolution(scene: str) -> np.ndarray:
+    """R_u of a scene."""
+    return resolution_covariance(np.array([RANGE_CELL_M, SCENES[scene]]))
+
+
+def paths() -> np.ndarray:
+    """True states (SCANS, 2, 4): 200 m/s ahead, and across from side to side."""
     t = np.linspace(-1.0, 1.0, SCANS)
     duration = STEP_S * (SCANS - 1)
-    if end > 0.0:
-        across = -end * t
-    else:
-        # Towards each other to the distance 2 x least, side by side, and off again.
-        across = least + (-end - least) * np.maximum(np.abs(t) - 0.35, 0.0) / 0.65
-    along = 200.0 * 0.5 * duration * (t + 1.0)
-    rate = np.gradient(across, STEP_S)
+    along = 100.0 * duration * (t + 1.0)
     states = np.empty((SCANS, 2, 4))
     for i, sign in enumerate((1.0, -1.0)):
         # 30 m apart in range, so that they never are at one place.
+        rate = np.full(SCANS, -sign * 2.0 * ACROSS_M / duration)
         states[:, i] = np.stack(
-            [along + 15.0 * sign, sign * across, np.full(SCANS, 200.0), sign * rate], axis=1
+            [along + 15.0 * sign, -sign * ACROSS_M * t, np.full(SCANS, 200.0), rate], axis=1
         )
     return states
 
 
-def scan(rng: np.random.Generator, states: np.ndarray) -> np.ndarray:
+def scan(rng: np.random.Generator, states: np.ndarray, scene: str) -> np.ndarray:
     """Detections (m, 2) of one scan."""
-    chance = unresolved_probability(states[0, :2] - states[1, :2], resolution_covariance(HALF_M))
+    chance = unresolved_probability(states[0, :2] - states[1, :2], resolution(scene))
     at = states[:, :2]
     if rng.uniform() < chance:
         at = at.mean(axis=0, keepdims=True)
@@ -94,18 +92,18 @@ def scan(rng: np.random.Generator, states: np.ndarray) -> np.ndarray:
 def run(scene: str, seed: int, number: int) -> dict[str, Any]:
     """Both trackers on the same detections."""
     rng = np.random.default_rng([seed, number, list(SCENES).index(scene)])
-    truth = paths(scene)
+    truth = paths()
     step, noise = white_noise_acceleration(STEP_S, DENSITY)
     start = np.diag([50.0, 50.0, 5.0, 5.0]) ** 2
     mean = truth[0] + rng.multivariate_normal(np.zeros(4), start, 2)
     trackers = {
-        name: UnresolvedTracker(mean, np.tile(start, (2, 1, 1)), sensor(name == "with"))
+        name: UnresolvedTracker(mean, np.tile(start, (2, 1, 1)), sensor(scene, name))
         for name in MODELS
     }
     found: dict[str, Any] = {"detections": [], **{name: [] for name in MODELS}}
     seconds = dict.fromkeys(MODELS, 0.0)
     for k in range(SCANS):
-        detections = scan(rng, truth[k])
+        detections = scan(rng, truth[k], scene)
         found["detections"].append(detections)
         for name, tracker in trackers.items():
             began = time.process_time()
@@ -133,7 +131,6 @@ def measure(runs: int, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         found = [run(scene, seed, number) for number in range(runs)]
         first[scene] = found[0]
         kept = {name: np.array([one[name, "kept"] for one in found], float) for name in MODELS}
-        gain = mean_and_stderr(kept["with"] - kept["without"])
         numbers["scenes"][scene] = {
             **{
                 name: {
@@ -144,10 +141,26 @@ def measure(runs: int, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
                 }
                 for name in MODELS
             },
-            "difference": [round(value, 3) for value in gain],
-            "more_often": round(float(kept["with"].mean() / kept["without"].mean() - 1.0), 3),
+            "gain": {
+                name: [
+                    round(value, 3)
+                    for value in (
+                        *mean_and_stderr(kept["with"] - kept[name]),
+                        float(kept["with"].mean() / kept[name].mean() - 1.0),
+                    )
+                ]
+                for name in MODELS[1:]
+            },
         }
     return numbers, first
+
+
+def gain_of(entry: dict[str, Any], name: str) -> str:
+    """How much more often the model keeps both, paired."""
+    if name not in entry["gain"]:
+        return ""
+    mean, error, more = entry["gain"][name]
+    return f"{mean:+.3f} +- {error:.3f} ({more:+.0%})"
 
 
 def table(numbers: dict[str, Any]) -> str:
@@ -161,33 +174,31 @@ def table(numbers: dict[str, Any]) -> str:
                     scene,
                     name,
                     f"{one['kept']:.3f}",
+                    gain_of(entry, name),
                     f"{one['swapped']:.3f}",
                     f"{one['error_m']:.0f}",
                     f"{one['ms_per_scan']:.1f}",
                 )
             )
-        mean, error = entry["difference"]
-        rows.append(
-            (
-                scene,
-                "difference",
-                f"{mean:+.3f} +- {error:.3f}, {entry['more_often']:+.0%}",
-                "",
-                "",
-                "",
-            )
-        )
-    head = ("scene", "model", "identities kept", "swapped", "error [m]", "CPU [ms]")
+    head = (
+        "scene",
+        "model",
+        "both kept",
+        "with the model more often",
+        "swapped",
+        "error [m]",
+        "CPU [ms]",
+    )
     return f"{numbers['runs']} runs of seed {numbers['seed']}:\n\n" + markdown(head, rows)
 
 
 def draw(first: dict[str, Any]) -> Any:
     """One run of each scene."""
     with canvas(12.0, 6.0) as figure:
-        panels = figure.subplots(len(first), len(MODELS), sharex=True, squeeze=False)
+        panels = figure.subplots(len(first), 2, sharex=True, squeeze=False)
         for row, (scene, found) in zip(panels, first.items(), strict=True):
-            truth = paths(scene)
-            for axes, name in zip(row, MODELS, strict=True):
+            truth = paths()
+            for axes, name in zip(row, MODELS[:2], strict=True):
                 points = np.concatenate(found["detections"])
                 axes.plot(*(points.T / 1000), ".", color="0.7", ms=4)
                 at = np.array(found[name])
