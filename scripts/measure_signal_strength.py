@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measure what signal strength adds to the detection of weak targets: docs/signal-strength.md.
 
-    python scripts/measure_signal_strength.py [--runs 20000] [--seed 1]
+    python scripts/measure_signal_strength.py [--runs 10000] [--seed 1]
 
 A track candidate begins with a detection, of a target or a false one; the sequential likelihood
 ratio test decides within ten scans. Numbers also go to docs/signal_strength.json.
@@ -196,7 +196,7 @@ def table(numbers: dict[str, Any]) -> str:
             )
     head = ("mean strength x", "P_D of a scan", "false tracks", *MODELS, "gain")
     return (
-        f"{numbers['runs']} candidates of seed {numbers['seed']} each, with a target and without:\n\n"
+        f"{numbers['runs']} candidates with a target, as many without, seed {numbers['seed']}:\n\n"
         + markdown(head, rows)
     )
 
@@ -221,7 +221,7 @@ def draw(numbers: dict[str, Any]) -> Any:
 def main() -> int:
     """Measure, and write table and picture."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--runs", type=int, default=20000)
+    parser.add_argument("--runs", type=int, default=10000)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
     numbers = measure(args.runs, args.seed)

@@ -32,9 +32,9 @@ class UnresolvedTracker:
         mean: FloatArray,
         covariance: FloatArray,
         sensor: ResolutionSensor,
-        smallest_share: float = 1e-4,
+        smallest_share: float = 1e-3,
         merge_distance: float = 0.5,
-        most: int = 20,
+        most: int = 8,
     ) -> None:
         n, s = mean.shape
         whole = np.zeros((1, n * s, n * s))

@@ -16,6 +16,7 @@ from gda_tracker.association.unresolved import (
     terms,
     unresolved_probability,
 )
+from gda_tracker.association.unresolved_tracker import UnresolvedTracker
 
 PD, PDU, RHO, R, RG, RU = 0.85, 0.9, 0.3, 0.2, 0.3, 1.4
 
@@ -54,7 +55,7 @@ MEAN = np.array([0.4, -0.5])
 COVARIANCE = np.array([[0.8, 0.2], [0.2, 0.5]])
 
 
-def grid(size=2, points=401, width=6.0):
+def grid(size=2, points=241, width=6.0):
     axis = np.linspace(-width, width, points)
     each = np.stack(np.meshgrid(*[axis] * size, indexing="ij"), axis=-1).reshape(-1, size)
     return each, (axis[1] - axis[0]) ** size
@@ -98,7 +99,7 @@ def test_two_targets_against_quadrature(z):
 
 def test_three_targets_against_monte_carlo_of_links():
     """The likelihood by its story: links drawn, groups seen or not, detections given to groups."""
-    x, cell = grid(3, 61, 5.0)
+    x, cell = grid(3, 51, 5.0)
     mean, covariance = np.array([0.4, -0.5, 1.2]), 0.4 * np.eye(3) + 0.1
     z = [0.3, 1.0]
     total = np.zeros(len(x))
@@ -197,3 +198,27 @@ def test_wrong_input():
         terms(MEAN[None], COVARIANCE[None], np.array([[np.nan]]), sensor())
     with pytest.raises(ValueError, match="clutter_density = 0"):
         sensor(clutter=0.0)
+
+
+def test_the_tracker_is_a_kalman_filter_where_nothing_is_ambiguous():
+    """Two targets far apart, both surely seen, next to no clutter."""
+    rng = np.random.default_rng(6)
+    far = ResolutionSensor(
+        np.eye(1, 2), np.eye(1), np.eye(1), 1.0 - 1e-9, 0.9, 1e-12, np.array([[4.0]])
+    )
+    step, noise = np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.eye(2)
+    start = np.array([[-500.0, 1.0], [500.0, -1.0]])
+    tracker = UnresolvedTracker(start, np.tile(np.eye(2), (2, 1, 1)), far)
+    mean, covariance = start.copy(), np.tile(np.eye(2), (2, 1, 1))
+    for _ in range(5):
+        tracker.predict(step, noise)
+        mean, covariance = mean @ step.T, step @ covariance @ step.T + noise
+        z = mean[:, :1] + rng.normal(size=(2, 1))
+        assert np.isfinite(tracker.update(z[::-1]))
+        gain = covariance[:, :, :1] / (covariance[:, :1, :1] + 1.0)
+        mean = mean + (gain @ (z - mean[:, :1])[:, :, None])[:, :, 0]
+        covariance = covariance - gain @ covariance[:, :1, :]
+    np.testing.assert_allclose(tracker.estimate()[0], mean, atol=1e-6)
+    np.testing.assert_allclose(tracker.estimate()[1][:2, :2], covariance[0], atol=1e-6)
+    assert len(tracker.mixture.weight) == 1
+    np.testing.assert_allclose(tracker.most_probable(), mean, atol=1e-6)

@@ -31,7 +31,7 @@ def on_grid(likelihood):
         def density(t):
             return likelihood(t) * invgamma.pdf(t, A, scale=B) * t**-power
 
-        return sum(quad(density, a, b, limit=200)[0] for a, b in ((0, 5), (5, 50), (50, np.inf)))
+        return sum(quad(density, a, b, limit=100)[0] for a, b in ((0, 8), (8, np.inf)))
 
     total, first, second = (integral(power) for power in (0, 1, 2))
     return total, first / total, second / total

@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 from gda_tracker.kinematics.extended.partitions import distance_partitions
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 25))
 def test_partitions_are_those_of_the_graph(seed, n):
     rng = np.random.default_rng(seed)

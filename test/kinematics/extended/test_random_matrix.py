@@ -48,13 +48,13 @@ def log_points(points, centre, covariance):
 
 
 @pytest.mark.parametrize("spread", [1.0, 0.25])
-@pytest.mark.parametrize("n", [1, 2, 5])
+@pytest.mark.parametrize("n", [1, 4])
 def test_koch_is_bayes_on_samples(n, spread):
     """Evidence, mean position and mean extent against importance sampling from the prior."""
     rng = np.random.default_rng(n)
     states = one(KOCH)
     points = rng.multivariate_normal([0.5, 0.1], spread * EXTENT, n)
-    extent = sample_extents(rng, states, 60_000)
+    extent = sample_extents(rng, states, 25_000)
     centre = states.mean[0, :2] + np.einsum(
         "mde,me->md",
         np.linalg.cholesky(extent) * np.sqrt(KOCH[0, 0]),
@@ -115,7 +115,7 @@ def log_of_pairs(log_of, states, first, points, noise=None):
 
 def test_likelihoods_integrate_to_one():
     """Over one detection; Koch's also over the second given the first."""
-    points, area = plane(points=301)
+    points, area = plane(points=201)
     none, first = np.empty((0, 2)), np.array([[0.9, 0.4]])
 
     def log_koch(states, cells):
@@ -151,11 +151,11 @@ def test_feldmann_likelihood_is_near_the_integral_over_states_and_extents(noise)
     rng = np.random.default_rng(5)
     covariance = np.diag([0.15, 0.1, 1.0, 1.0])
     states = one(covariance, weight=30.0)
-    extent = sample_extents(rng, states, 30_000)
+    extent = sample_extents(rng, states, 15_000)
     centre = rng.multivariate_normal(states.mean[0, :2], covariance[:2, :2], len(extent))
     sensor = noise * np.eye(2)
     errors = []
-    for _ in range(8):
+    for _ in range(5):
         points = rng.multivariate_normal([0.4, 0.0], 0.25 * EXTENT + sensor, 6)
         exact = np.log(np.exp(log_points(points, centre, 0.25 * extent + sensor)).mean())
         errors.append(feldmann_log_likelihood(states, cell(points, sensor))[0] - exact)
@@ -247,7 +247,7 @@ def test_koch_prediction_is_that_of_each_coordinate():
     np.testing.assert_allclose(ahead.covariance[0, 1, 1], 0.4)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seeds)
 def test_turning_the_axes_turns_the_result(seed):
     """Rotating everything rotates the estimates and leaves the likelihood; any order of tracks."""
