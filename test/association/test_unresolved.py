@@ -1,4 +1,4 @@
-"""Unresolved targets against quadrature and Monte Carlo of the likelihood as it is written."""
+"""Unresolved targets against quadrature of the likelihood as it is written."""
 
 import itertools
 
@@ -97,8 +97,8 @@ def test_two_targets_against_quadrature(z):
     assert (np.linalg.eigvalsh(merged.covariance) > 0).all()
 
 
-def test_three_targets_against_monte_carlo_of_links():
-    """The likelihood by its story: links drawn, groups seen or not, detections given to groups."""
+def test_three_targets_against_every_graph_of_links():
+    """The likelihood by its story: who is linked, which groups are seen, and in which detection."""
     x, cell = grid(3, 51, 5.0)
     mean, covariance = np.array([0.4, -0.5, 1.2]), 0.4 * np.eye(3) + 0.1
     z = [0.3, 1.0]

@@ -58,8 +58,7 @@ def test_likelihoods_integrate_to_detection_and_miss():
     for c in (0.0, 2.0):
         false = quad(lambda z, c=c: np.exp(log_clutter_density(z, LAMBDA, c)), LAMBDA, np.inf)[0]
         assert false == pytest.approx(1.0)
-    # (2.49) over rho_F, averaged over the clutter's strength and a uniform place: 1 for no target
-    # at all or one, since it is a ratio of densities.
+    # (2.49) over rho_F with one detection, where the target is as dense as the clutter.
     place = 0.2
     log_ratio = [
         log_scan_ratio(ONE, np.full((1, 1), np.log(place)), np.array([[z]]), place, LAMBDA)[0][0]
