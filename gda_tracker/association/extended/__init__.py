@@ -1,0 +1,1 @@
+"""Extended objects: which detections are of which object, and a tracker of the positions alone."""

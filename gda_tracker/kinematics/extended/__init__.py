@@ -1,0 +1,1 @@
+"""Extended objects and groups: random matrices, ellipses, rates of detections, partitions."""

@@ -1,0 +1,61 @@
+"""The numbers of docs/unresolved.md and docs/signal-strength.md and the scripts behind them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from scripts import measure_resolution as resolution
+from scripts import measure_signal_strength as strength
+
+DOCS = resolution.ROOT / "docs"
+
+
+def section(page, name):
+    begin, end = f"<!-- {name}: begin (generated) -->\n", f"\n<!-- {name}: end -->"
+    return (DOCS / page).read_text(encoding="utf-8").split(begin)[1].split(end)[0]
+
+
+def measured(name):
+    return json.loads((DOCS / name).read_text(encoding="utf-8"))
+
+
+def test_the_pages_have_the_measured_tables():
+    assert section("unresolved.md", "resolution") == resolution.table(measured("unresolved.json"))
+    numbers = measured("signal_strength.json")
+    assert section("signal-strength.md", "strength") == strength.table(numbers)
+
+
+def test_the_model_of_resolution_keeps_both_more_often():
+    """Done when: at least 20 % more often in paired runs, 200 of them."""
+    numbers = measured("unresolved.json")
+    assert numbers["runs"] >= 200
+    wide = numbers["scenes"]["a cell of 800 m"]
+    for mean, error, more in wide["gain"].values():
+        assert mean > 4.0 * error
+        assert more >= 0.2
+
+
+def test_one_run_gives_what_both_trackers_need():
+    found = resolution.run("a cell of 800 m", 1, 0)
+    truth = resolution.paths()
+    assert np.array(found["with"]).shape == truth.shape == (resolution.SCANS, 2, 4)
+    inside = [len(one) for one in found["detections"]]
+    assert min(inside[12:24]) <= 1  # not resolved in the middle
+    assert found["with", "error_m"] < 150.0
+    assert found["with", "kept"]
+
+
+def test_a_small_run_of_strengths_agrees():
+    numbers, small = measured("signal_strength.json"), strength.measure(400, 9)
+    for x, entry in small["strengths"].items():
+        at, there = entry["0.01"], numbers["strengths"][x]["0.01"]
+        # 4 of 400 false candidates set the limit, so it varies much.
+        for name in strength.MODELS:
+            assert at[name] == pytest.approx(there[name], abs=0.2)
+        for rate in strength.FALSE_TRACKS:
+            assert numbers["strengths"][x][f"{rate:g}"]["difference"][0] > 0.1
+            false = numbers["strengths"][x][f"{rate:g}"]["false"]
+            assert max(false.values()) == pytest.approx(rate, rel=0.1)
