@@ -118,7 +118,7 @@ def highest_on_ellipsoid(
     ones at each call, give boundary points m + sqrt(A A') u; the best of them are followed by ever
     smaller steps. Points outside the box count by how far they are out, so that a small part of the
     ellipsoid in the box is found too. The result is a point of the boundary, hence never too
-    large, and short of the largest by less than 1e-3 in tests.
+    large; it may fall short of the largest.
     """
     r = centre.shape[1]
     values, axes = np.linalg.eigh(shape)
