@@ -98,6 +98,7 @@ def detections_to_message(detections: Detections) -> Any:
     message.covariance = floats_to_field(detections.covariance)
     message.time_offset_s = floats_to_field(detections.time_offset_s)
     _attributes_to_message(detections, message)
+    _platforms_to_message(detections, message)
     return message
 
 
@@ -157,6 +158,9 @@ def detections_from_message(message: Any) -> Detections:
         )
         if len(message.attribute_valid)
         else None,
+        sensor_velocity_mps=_optional(message.sensor_velocity_mps),
+        reference_position_m=_optional(message.reference_position_m),
+        reference_velocity_mps=_optional(message.reference_velocity_mps),
     )
 
 
@@ -187,6 +191,9 @@ def scan_to_message(scan: Scan) -> Any:
     message.rcs_valid = bools_to_field(scan.rcs_valid)
     message.time_offset_s = floats_to_field(scan.time_offset_s)
     _attributes_to_message(scan, message)
+    if scan.sensor_model:
+        message.sensor_model = scan.sensor_model
+        _platforms_to_message(scan, message)
     if scan.statements:
         message.statements = [statement_to_message(each) for each in scan.statements]
     return message
@@ -196,6 +203,12 @@ def _attributes_to_message(source: Detections | Scan, message: Any) -> None:
     message.attribute_names = [str(name) for name in source.attribute_names]
     message.attribute_values = floats_to_field(source.attribute_values)
     message.attribute_valid = bools_to_field(source.attribute_valid)
+
+
+def _platforms_to_message(source: Detections | Scan, message: Any) -> None:
+    message.sensor_velocity_mps = floats_to_field(source.sensor_velocity_mps)
+    message.reference_position_m = floats_to_field(source.reference_position_m)
+    message.reference_velocity_mps = floats_to_field(source.reference_velocity_mps)
 
 
 def scan_from_message(message: Any) -> Scan:
@@ -238,6 +251,16 @@ def scan_from_message(message: Any) -> Scan:
         attribute_values=values if names else None,
         attribute_valid=valid if names else None,
         statements=tuple(statement_from_message(each) for each in message.statements),
+        sensor_model=str(message.sensor_model),
+        sensor_velocity_mps=_optional_of_size(
+            message.sensor_velocity_mps, 3, "sensor_velocity_mps"
+        ),
+        reference_position_m=_optional_of_size(
+            message.reference_position_m, 3, "reference_position_m"
+        ),
+        reference_velocity_mps=_optional_of_size(
+            message.reference_velocity_mps, 3, "reference_velocity_mps"
+        ),
     )
 
 

@@ -136,6 +136,24 @@ def merge(mixtures: GaussianMixtures, threshold: float) -> GaussianMixtures:
     ``threshold`` = infinity makes one Gaussian (of each sign) of every mixture: the limiting case
     of probabilistic data association.
     """
+    group, holder = merge_groups(mixtures, threshold)
+    weight, mean, covariance = _merged(mixtures, group, len(holder))
+    by_mixture = np.argsort(holder, kind="stable")
+    start = np.concatenate([[0], np.cumsum(np.bincount(holder, minlength=len(mixtures)))])
+    return GaussianMixtures(
+        start.astype(np.int64), weight[by_mixture], mean[by_mixture], covariance[by_mixture]
+    )
+
+
+def merge_groups(mixtures: GaussianMixtures, threshold: float) -> tuple[IntArray, IntArray]:
+    """Which components :func:`merge` makes one of.
+
+    Returns
+    -------
+    group, holder
+        (K,) the number of each component's group, and (groups,) the mixture that each group is of.
+        The groups of a mixture are numbered in the order of their centres.
+    """
     owner, order = mixtures.owner, mixtures._heaviest_first()
     group = np.full(len(order), -1, dtype=np.int64)
     groups = 0
@@ -162,12 +180,7 @@ def merge(mixtures: GaussianMixtures, threshold: float) -> GaussianMixtures:
         waiting = waiting[~near]
     holder = np.zeros(groups, dtype=np.int64)
     holder[group] = owner
-    weight, mean, covariance = _merged(mixtures, group, groups)
-    by_mixture = np.argsort(holder, kind="stable")
-    start = np.concatenate([[0], np.cumsum(np.bincount(holder, minlength=len(mixtures)))])
-    return GaussianMixtures(
-        start.astype(np.int64), weight[by_mixture], mean[by_mixture], covariance[by_mixture]
-    )
+    return group, holder
 
 
 def _merged(

@@ -30,6 +30,10 @@ class Detections:
     is (n, d, d) over the measured ones of range, azimuth, elevation, range rate, in this order.
     ``attribute_names`` names A further attributes, with their units; ``attribute_values`` and
     ``attribute_valid`` are (A, n), without the latter all values are known.
+
+    Of sensors with a model other than range and azimuth a quantity that is not measured is NaN, or
+    ``None`` where it may be; ``sensor_velocity_mps``, ``reference_position_m`` (a transmitter, a
+    second receiver) and ``reference_velocity_mps`` are (3,) or ``None``.
     """
 
     sensor_id: str
@@ -55,6 +59,9 @@ class Detections:
     attribute_names: tuple[str, ...] = ()
     attribute_values: FloatArray | None = None
     attribute_valid: BoolArray | None = None
+    sensor_velocity_mps: FloatArray | None = None
+    reference_position_m: FloatArray | None = None
+    reference_velocity_mps: FloatArray | None = None
 
 
 @dataclass(slots=True)
@@ -65,6 +72,8 @@ class Scan:
     ``source_index`` (n,) is the row of each detection in the source's ``Detections``.
     ``attribute_values`` (A, n), 0 where unknown, and ``attribute_valid`` (A, n) are there where
     ``attribute_names`` (A) names any. ``statements`` were admitted since the last scan.
+    ``sensor_model`` names one of :mod:`gda_tracker.kinematics.measurement_models`, empty for range
+    and azimuth; then what it does not measure is NaN, and velocity and reference are there.
     """
 
     key: ScanKey
@@ -84,6 +93,10 @@ class Scan:
     attribute_values: FloatArray | None = None
     attribute_valid: BoolArray | None = None
     statements: tuple[Statement, ...] = ()
+    sensor_model: str = ""
+    sensor_velocity_mps: FloatArray | None = None
+    reference_position_m: FloatArray | None = None
+    reference_velocity_mps: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.range_m)
