@@ -15,8 +15,7 @@ import numpy as np
 from gda_tracker.association.weightings import JointWeights
 from gda_tracker.attributes.statement_meaning import Meaning
 from gda_tracker.attributes.statement_states import Rows, component_rows, hear, region_meanings
-from gda_tracker.kinematics.gaussian_filters import update
-from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
+from gda_tracker.kinematics.pair_updates import updated_pairs
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
 from gda_tracker.vocabulary.beliefs import AttributeScores
 from gda_tracker.vocabulary.hypotheses import Predictions
@@ -142,14 +141,12 @@ def _updated(
         predictions.component_mean[component],
         predictions.component_covariance[component],
     )
-    innovation = innovations(polar_measurements(scan), mean, covariance, detection[owner])
-    squared, determinant = innovation.mahalanobis_squared()
-    log_share = -0.5 * (squared + np.log(determinant))
+    mean, covariance, log_share = updated_pairs(scan, mean, covariance, detection[owner])
     top = np.full(len(hypothesis), -np.inf)
     np.maximum.at(top, owner, log_share)
     share = predictions.component_weight[component] * np.exp(log_share - top[owner])
     share /= _sum_by_owner(owner, len(hypothesis), share)[owner]
-    rows = Rows(*update(mean, covariance, innovation), weight[owner])
+    rows = Rows(mean, covariance, weight[owner])
     track = predictions.track_id[hypothesis][owner]
     for (about, meaning), divisor in zip(meanings, divisors, strict=True):
         rows, _ = hear(meaning, rows, track == about, divisor[owner])

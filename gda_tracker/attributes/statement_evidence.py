@@ -112,7 +112,8 @@ def with_place_statements(
         Attribute rule, one of ``ATTRIBUTE_RULES``.
     """
     statements = [each for each in scan.statements if each.about == PLACE]
-    if not statements or not len(scan):
+    if not statements or not len(scan) or scan.sensor_model:
+        # A sensor with a model of its own need not know where a detection is.
         return own
     position, covariance = cartesian_positions(polar_measurements(scan))
     heard = []

@@ -16,6 +16,7 @@ from gda_tracker.io.parameter_files import read_preset
 from gda_tracker.io.truth_files import TruthTable, truth_of_scans
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
+from gda_tracker.simulation.sensor_network import simulate_network
 from gda_tracker.simulation.simulate import simulate
 from gda_tracker.tracking.ring import stage_parameters
 from gda_tracker.tuning.cases import Case
@@ -36,7 +37,9 @@ def load_cases(
         cases = [
             Case(
                 f"{scenario.name} run {number} of seed {seed}",
-                simulate(scenario, seed, number, initiation=AUTOMATIC),
+                simulate_network(scenario, seed, number)
+                if scenario.sensors
+                else simulate(scenario, seed, number, initiation=AUTOMATIC),
                 distance,
                 partial=False,
             )

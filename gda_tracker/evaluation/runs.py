@@ -17,6 +17,7 @@ from gda_tracker.evaluation.quality import Quality, score_quality
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.simulation.sensor_network import simulate_network
 from gda_tracker.simulation.simulate import simulate
 from gda_tracker.simulation.targets import true_states
 from gda_tracker.tracking.labelled import labelled_tracks
@@ -73,6 +74,11 @@ def method_parameters(
             f"method {CLAIRVOYANT} with initiation {initiation}: allowed is labelled, since only "
             f"then it is known which track follows which target"
         )
+    if scenario.sensors and initiation != AUTOMATIC:
+        raise ParameterError(
+            f"scenario {scenario.name} with initiation {initiation}: allowed is automatic, for its "
+            f"sensors need not know where a detection is"
+        )
     preset = tracker_preset(scenario, initiation)
     parameters = {**preset, "track_manager": {**preset["track_manager"], **choice}}
     stage_parameters(parameters)
@@ -83,7 +89,10 @@ def default_match_distance_m(scenario: Scenario) -> float:
     """Match distance for continuity: three standard deviations of a position measured midway.
 
     The larger of the range noise and the azimuth noise at the mean distance of all targets counts.
+    A scenario with several sensors says what it is.
     """
+    if scenario.reach is not None:
+        return scenario.reach.match_distance_m
     positions = true_states(scenario)[..., :2] - np.array(scenario.sensor.position_m)
     cross_range_m = math.radians(scenario.sensor.azimuth_std_deg) * float(
         np.hypot(positions[..., 0], positions[..., 1]).mean()
@@ -186,7 +195,11 @@ def score_runs(
     contestants = [Contestant(scenario, method, initiation) for method in methods]
     scores = []
     for run in runs:
-        recording = simulate(scenario, seed, run, initiation=initiation)
+        recording = (
+            simulate_network(scenario, seed, run)
+            if scenario.sensors
+            else simulate(scenario, seed, run, initiation=initiation)
+        )
         prepared = contestants[0].prepare(recording)
         scores.append(
             [contestant.score(recording, match_distance_m, prepared) for contestant in contestants]

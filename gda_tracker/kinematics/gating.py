@@ -14,6 +14,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import chdtri
 
+from gda_tracker.kinematics.measurement_models import observed
+from gda_tracker.kinematics.model_gating import densities, gated_components
 from gda_tracker.kinematics.sensor_models import (
     Innovations,
     PolarMeasurements,
@@ -36,7 +38,8 @@ class GatedPairs:
     """P gated pairs, row-major by hypothesis, then detection.
 
     ``mahalanobis_squared`` (P,) is that of the closest component; ``log_likelihood`` (P,) is
-    log g_ij [log 1/(m rad)], summed over the components of the hypothesis by their weights.
+    log g_ij [log 1/(m rad)], summed over the components of the hypothesis by their weights; of a
+    sensor with a model its unit is one over that of the measurement space.
     """
 
     hypothesis: Int32Array
@@ -56,6 +59,8 @@ def gate_threshold(gate_probability: float, dimension: int = MEASUREMENT_DIMENSI
 
 def gate(scan: Scan, predictions: Predictions) -> GatedPairs:
     """Return the pairs whose squared Mahalanobis distance is at most the gate threshold."""
+    if scan.sensor_model:
+        return _gate_by_model(scan, predictions)
     measurements = polar_measurements(scan)
     threshold = gate_threshold(predictions.settings.gate_probability)
     if measurements.time_offset_s is None:
@@ -64,7 +69,30 @@ def gate(scan: Scan, predictions: Predictions) -> GatedPairs:
         found = _gate_with_offsets(measurements, predictions, threshold)
     if len(predictions.component_mean) == len(predictions):
         return found
-    return _merge_components(measurements, predictions, found.hypothesis, found.detection)
+    mean, covariance = predictions.component_mean, predictions.component_covariance
+    return _merge_components(
+        len(measurements),
+        predictions,
+        found.hypothesis,
+        found.detection,
+        lambda c, d: _density(innovations(measurements, mean[c], covariance[c], d)),
+    )
+
+
+def _gate_by_model(scan: Scan, predictions: Predictions) -> GatedPairs:
+    """Gated pairs in the measurement space of the sensor's model."""
+    seen = observed(scan)
+    threshold = gate_threshold(predictions.settings.gate_probability, len(seen.model))
+    of, component, detection, squared, log_density = gated_components(seen, predictions, threshold)
+    if len(predictions.component_mean) == len(predictions):
+        return GatedPairs(component, detection, squared, log_density)
+    return _merge_components(
+        len(scan),
+        predictions,
+        component,
+        detection,
+        lambda c, d: densities(of, seen, c, d),
+    )
 
 
 def _gate_at_once(
@@ -178,13 +206,16 @@ def _density(pair: Innovations) -> tuple[FloatArray, FloatArray]:
 
 
 def _merge_components(
-    measurements: PolarMeasurements,
+    n: int,
     predictions: Predictions,
     component: Int32Array,
     detection: Int32Array,
+    density: Callable[[Int32Array, Int32Array], tuple[FloatArray, FloatArray]],
 ) -> GatedPairs:
-    """Pairs of hypotheses: gated if one component is, with the density of the mixture."""
-    n = len(measurements)
+    """Pairs of hypotheses and n detections: gated if one component is, with the mixture's density.
+
+    ``density`` gives squared distances and log densities of pairs of component and detection.
+    """
     start = predictions.component_start
     owner = np.repeat(np.arange(len(predictions)), np.diff(start))
     pair = np.unique(owner[component] * np.int64(max(n, 1)) + detection)
@@ -194,14 +225,7 @@ def _merge_components(
     first = np.concatenate([[0], np.cumsum(count)])
     row = np.repeat(np.arange(len(pair)), count)
     each = (np.arange(first[-1]) - first[row] + start[hypothesis][row]).astype(np.int32)
-    squared, log_density = _density(
-        innovations(
-            measurements,
-            predictions.component_mean[each],
-            predictions.component_covariance[each],
-            column[row],
-        )
-    )
+    squared, log_density = density(each, column[row])
     with np.errstate(divide="ignore"):
         weighted = log_density + np.log(predictions.component_weight[each])
     if not len(pair):

@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gda_tracker.kinematics.sensor_models import SMALLEST_RANGE_M, wrap_angle
-from gda_tracker.vocabulary.arrays import FloatArray, IntArray
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
 from gda_tracker.vocabulary.scans import Scan
 
 RANGE, AZIMUTH, RANGE_RATE = "range", "azimuth", "range_rate"
@@ -122,6 +122,10 @@ class Observed:
     def __len__(self) -> int:
         return len(self.value)
 
+    def select(self, rows: IntArray) -> Observed:
+        """The measurements of the given rows."""
+        return Observed(self.model, self.sites, self.value[rows], self.noise[rows])
+
 
 def observed(scan: Scan) -> Observed:
     """What a scan with a sensor model measures, in tracking axes."""
@@ -132,7 +136,8 @@ def observed(scan: Scan) -> Observed:
     place = {RANGE: 0, AZIMUTH: 1, RANGE_RATE: -1}
     rows = [place[quantity] for quantity in model.quantities]
     value = [column for q in model.quantities if (column := columns[q]) is not None]
-    positions, velocities = [scan.sensor_position_m], [scan.sensor_velocity_mps]
+    positions: list[FloatArray | None] = [scan.sensor_position_m]
+    velocities = [scan.sensor_velocity_mps]
     if model.has_reference:
         positions.append(scan.reference_position_m)
         velocities.append(scan.reference_velocity_mps)
@@ -143,7 +148,8 @@ def observed(scan: Scan) -> Observed:
             np.array([still if p is None else p for p in positions])[:, :2],
             np.array([still if v is None else v for v in velocities])[:, :2],
         ),
-        np.stack(value, axis=1).reshape(len(scan), len(model)),
+        # An empty scan may come without the range rates that it does not have.
+        np.stack(value, axis=1) if len(scan) else np.zeros((0, len(model))),
         scan.noise_covariance[:, np.array(rows)[:, None], rows],
     )
 
@@ -229,7 +235,7 @@ class Expected:
     velocity: FloatArray
     state: FloatArray
 
-    def select(self, rows: IntArray | slice) -> Expected:
+    def select(self, rows: IntArray | Int32Array) -> Expected:
         """The rows given."""
         return Expected(
             self.model,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.simulation.sensor_network import simulate_network
 from gda_tracker.simulation.simulate import simulate
 from gda_tracker.tracking.labelled import labelled_tracks
 from gda_tracker.tracking.methods import parse_method
@@ -65,9 +66,17 @@ def with_method(
 def of_scenario(
     scenario: Scenario, runs: int, seed: int, method: str, first_run: int = 0
 ) -> list[Playback]:
-    """Simulate ``runs`` runs and start each from its labelled detections."""
+    """Simulate ``runs`` runs and start each from its labelled detections.
+
+    With several sensors the tracker starts its tracks itself.
+    """
     plays = []
     for run in range(first_run, first_run + runs):
+        if scenario.sensors:
+            spacing = run * RUN_SPACING_NS
+            network = simulate_network(scenario, seed, run, base_stamp_ns=spacing)
+            plays.append(of_recording(network))
+            continue
         recording = simulate(scenario, seed, run, base_stamp_ns=run * RUN_SPACING_NS)
         n = scenario.time.n_initiation_scans
         initial = labelled_tracks(recording, n, Ring(with_method(recording.preset, method)))

@@ -12,6 +12,7 @@ from typing import Any
 
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.simulation.sensor_sections import sensor_parameters
 
 FALSE_ALARM = "false_alarm"
 FALSE_ALARM_LABEL = "VS"
@@ -30,7 +31,7 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
         The scenario.
     initiation
         ``labelled``: the tracks are given and never end, as in the chapter. ``automatic``: the
-        tracker's own confirmation and deletion.
+        tracker's own confirmation and deletion. A scenario with several sensors has no other.
 
     Raises
     ------
@@ -49,6 +50,9 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
         "missed_track_hypotheses": scenario.attribute.missed_track_hypotheses,
         "max_gap_s": max(60.0, GAP_SCANS * scenario.time.scan_period_s),
     }
+    if scenario.reach is not None:
+        manager["initiation"] = initiation = "automatic"
+        manager.update(sensor_parameters(scenario.sensors, scenario.reach))
     if initiation == "labelled":
         manager["deletion_misses"] = 0
     return {"track_manager": manager, "rcs_fuzzifier": _classes(scenario)}

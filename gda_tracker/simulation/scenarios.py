@@ -23,6 +23,7 @@ import yaml
 from gda_tracker.parameters import ParameterError
 from gda_tracker.resources import resource
 from gda_tracker.simulation.schema import ScenarioError, check_keys, check_list, key, read_section
+from gda_tracker.simulation.sensor_sections import ModelledSensor, ReachSection, read_sensors
 
 NOTES = "monte_carlo"
 NOTES_PREFIX = "expected_"
@@ -178,7 +179,12 @@ class Attribute:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scenario file, read and checked; ``notes`` are ``monte_carlo`` and ``expected_*``."""
+    """A scenario file, read and checked; ``notes`` are ``monte_carlo`` and ``expected_*``.
+
+    With several ``sensors``, each with a model of its own, ``sensor`` stands for the first of them
+    where one noise and one place are asked for, ``reach`` is there, and the tracks start by
+    themselves.
+    """
 
     name: str
     time: Timing
@@ -187,6 +193,8 @@ class Scenario:
     targets: tuple[Target, ...]
     tracker: TrackerKnowledge
     attribute: Attribute
+    sensors: tuple[ModelledSensor, ...] = ()
+    reach: ReachSection | None = None
     notes: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -232,7 +240,9 @@ def scenario_from_mapping(content: Any, where: str = "scenario") -> Scenario:
     ScenarioError
         Naming the section, the key, its value and what is allowed.
     """
-    sections = ["name", "time", "sensor", "clutter", "targets", "tracker", "attribute"]
+    several = isinstance(content, Mapping) and "sensors" in content
+    sections = ["name", "time", "clutter", "targets", "tracker", "attribute"]
+    sections += ["sensors", "reach"] if several else ["sensor"]
     notes = {}
     if isinstance(content, Mapping):
         notes = {k: v for k, v in content.items() if k == NOTES or str(k).startswith(NOTES_PREFIX)}
@@ -247,14 +257,28 @@ def scenario_from_mapping(content: Any, where: str = "scenario") -> Scenario:
         for index, entry in enumerate(check_list(content["targets"], f"{where}: targets", 1))
     )
     _check_targets(targets, attribute, f"{where}: targets")
+    sensors = read_sensors(content, where) if several else ()
     return Scenario(
         name=name,
         time=read_section(Timing, content["time"], f"{where}: time"),
-        sensor=read_section(Sensor, content["sensor"], f"{where}: sensor"),
+        sensor=(
+            Sensor(
+                sensors[0].position_m,
+                sensors[0].azimuth_std_deg,
+                sensors[0].range_std_m,
+                sensors[0].detection_probability,
+            )
+            if several
+            else read_section(Sensor, content["sensor"], f"{where}: sensor")
+        ),
         clutter=read_section(Clutter, content["clutter"], f"{where}: clutter"),
         targets=targets,
         tracker=read_section(TrackerKnowledge, content["tracker"], f"{where}: tracker"),
         attribute=attribute,
+        sensors=sensors,
+        reach=(
+            read_section(ReachSection, content["reach"], f"{where}: reach") if several else None
+        ),
         notes=notes,
     )
 

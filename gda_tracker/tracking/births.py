@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from gda_tracker.kinematics.gaussian_sum_starts import Reach, Sums, start_sums
+from gda_tracker.kinematics.measurement_models import MEASUREMENT_MODELS, observed
+from gda_tracker.kinematics.mixtures import moments
 from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.tracking.existence import prior_odds
+from gda_tracker.tracking.gaussian_sums import joined, set_sums
 from gda_tracker.tracking.history_window import begin_windows
 from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
 from gda_tracker.tracking.initiation import NewTracks, StartPoints, bounded_speed, start_tracks
@@ -61,7 +65,11 @@ def begin_tracks(
         scan, associations, opened.table.status, p.initiation_outside_gates
     )
     number = state.next_detection_number
-    new, points = new_tracks(points, scan, unassigned, number, p)
+    sums: Sums | None = None
+    if scan.sensor_model:
+        new, sums = sums_of_detections(scan, unassigned, number, p)
+    else:
+        new, points = new_tracks(points, scan, unassigned, number, p)
     room = p.max_tracks - int(np.count_nonzero(table.chosen))
     count = min(len(new.detection), max(room, 0))
     refused = len(new.detection) - count
@@ -70,6 +78,8 @@ def begin_tracks(
     born = hypotheses_of_births(
         new, count, scan, evidence, table, state.next_track_id, state.next_hypothesis_id, p
     )
+    if sums is not None:
+        set_sums(born, sums, np.arange(count), p)
     started = new.select(slice(count))
     density = opened.predictions.settings.clutter_density
     born.log_prior_odds = prior_odds(started, scan, density, p)
@@ -79,7 +89,7 @@ def begin_tracks(
         born.detection_numbers = start_numbers(started, number, width)
     state.next_hypothesis_id += count
     state.next_track_id += count
-    return table.append(born), points, refused
+    return joined(table, born), points, refused
 
 
 def unassigned_detections(
@@ -129,6 +139,40 @@ def new_tracks(
     return new, points
 
 
+def sums_of_detections(
+    scan: Scan, unassigned: IntArray, first_number: int, parameters: TrackManagerParameters
+) -> tuple[NewTracks, Sums | None]:
+    """Start a Gaussian sum from each unassigned detection of a sensor with a model of its own.
+
+    ``first_number`` is the running number of the scan's first detection.
+
+    Returns
+    -------
+    new, sums
+        The tracks that start, with the moments of their sums, and the sums.
+    """
+    p = parameters
+    model = MEASUREMENT_MODELS[scan.sensor_model]
+    if not len(unassigned) or not p.gaussian_sum_start or not model.starts:
+        return NewTracks(), None
+    reach = Reach(
+        p.gaussian_sum_nearest_m,
+        p.gaussian_sum_farthest_m,
+        p.gaussian_sum_components,
+        p.max_speed_mps,
+    )
+    sums = start_sums(observed(scan).select(unassigned), reach)
+    count = len(unassigned)
+    return NewTracks(
+        *moments(sums.weight, sums.mean, sums.covariance),
+        detection=unassigned,
+        first_stamp_ns=np.full(count, scan.key.stamp_ns, dtype=np.int64),
+        gap_scans=np.zeros(count, dtype=np.int64),
+        first_number=first_number + unassigned,
+        log_density=np.zeros(count),
+    ), sums
+
+
 def hypotheses_of_births(
     new: NewTracks,
     count: int,
@@ -156,8 +200,9 @@ def hypotheses_of_births(
         covariance=new.covariance[:count],
         history=(ones << new.gap_scans[:count]) | 1,
         age_scans=new.gap_scans[:count] + 1,
-        hits=2 * ones,
-        misses=new.gap_scans[:count] - 1,
+        # From two detections, or a sum from one.
+        hits=ones + (new.gap_scans[:count] > 0),
+        misses=np.maximum(new.gap_scans[:count] - 1, 0),
         coasted_scans=zeros,
         first_detection_ns=new.first_stamp_ns[:count],
         last_detection_ns=np.full(count, scan.key.stamp_ns, dtype=np.int64),

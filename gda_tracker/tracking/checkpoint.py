@@ -165,6 +165,7 @@ def _rest(manager: TrackManager) -> dict[str, Any]:
         "frame": state.table.frame,
         "class_names": state.table.class_names,
         "models": state.table.models,
+        "spread": state.table.spread,
         "generations": [
             {
                 "key": generation.key[1:],
@@ -172,6 +173,7 @@ def _rest(manager: TrackManager) -> dict[str, Any]:
                 "frame": generation.table.frame,
                 "class_names": generation.table.class_names,
                 "models": generation.table.models,
+                "spread": generation.table.spread,
             }
             for generation in state.generations
         ],
@@ -247,5 +249,7 @@ def _table(prefix: str, arrays: dict[str, np.ndarray], rest: dict[str, Any]) -> 
     """Table of the arrays with a prefix; ``rest`` has the names of frame, classes, models."""
     columns: dict[str, Any] = {name: arrays[f"{prefix}_{name}"] for name in _TABLE_FIELDS}
     frame, classes = tuple(rest["frame"]), tuple(rest["class_names"])
-    models = tuple(rest["models"])
-    return HypothesisTable(**columns, frame=frame, class_names=classes, models=models)
+    models, spread = tuple(rest["models"]), int(rest.get("spread", 1))
+    return HypothesisTable(
+        **columns, frame=frame, class_names=classes, models=models, spread=spread
+    )

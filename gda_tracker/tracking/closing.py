@@ -11,6 +11,7 @@ from gda_tracker.association.choices import JPDA
 from gda_tracker.tracking.births import begin_tracks
 from gda_tracker.tracking.clutter import clutter_after
 from gda_tracker.tracking.extraction import scan_increments
+from gda_tracker.tracking.gaussian_sums import merge_components
 from gda_tracker.tracking.history_window import remember
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
@@ -20,7 +21,6 @@ from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.mht.delayed import past_of
 from gda_tracker.tracking.mht.generations import Generation, settle
 from gda_tracker.tracking.mht.growth import coast, grow
-from gda_tracker.tracking.model_states import merge_pairs
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.state_update import count_detections, update_beliefs, update_states
 from gda_tracker.tracking.statement_update import (
@@ -69,6 +69,7 @@ def close_by_decision(
     Inconsistent
         For a log likelihood that is NaN or infinite; nothing has changed then.
     """
+    parameters = parameters.of_sensor(opened.scan.key.sensor_id)
     if opened.predictions.settings.attribute_term == "none":
         # The attribute was not asked: tracks carry no belief about it.
         evidence = scores = None
@@ -92,7 +93,7 @@ def close_unanswered(
     else:
         table = opened.table.copy()
         table.detection_index = np.full(len(table), -1, dtype=np.int64)
-    merge_pairs(table)
+    merge_components(table, parameters)
     points = StartPoints() if opened.started else state.points
     none = np.full(len(opened.table), -1, dtype=np.int32)
     return ClosedScan(table, points, opened.ended_track_id, GAVE_UP, none, past)
@@ -128,7 +129,7 @@ def _close_single(
         update_heard_states(
             table, opened.table, opened.scan.statements, with_classes=scores is not None
         )
-    merge_pairs(table)
+    merge_components(table, p)
     if scores is not None and evidence is not None:
         taken = np.flatnonzero(associations.chosen)
         remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])

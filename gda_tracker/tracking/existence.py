@@ -37,7 +37,8 @@ def prior_odds(
 
     With rho new targets per false alarm, the first detection counts rho, each scan without one
     1 - P_D, the second one P_D p(z) / beta, with p(z) the density of the second position given the
-    first (``NewTracks.log_density``), times the range as beta is per m and rad.
+    first (``NewTracks.log_density``), times the range as beta is per m and rad. A track that starts
+    from one detection of a sensor with a model of its own has rho alone.
 
     Parameters
     ----------
@@ -51,6 +52,9 @@ def prior_odds(
         Of the track manager; ``mht_new_target_ratio`` is rho.
     """
     p = parameters
+    if scan.sensor_model:
+        # A Gaussian sum starts from one detection.
+        return np.full(len(new.detection), np.log(p.mht_new_target_ratio))
     range_m = polar_measurements(scan).range_m[new.detection]
     with np.errstate(divide="ignore"):
         log_clutter, log_missed, log_detected, log_range = (

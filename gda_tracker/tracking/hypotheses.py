@@ -42,6 +42,10 @@ class HypothesisTable:
     predictions of a scan have a component for each pair of models, M^2 of them. With one motion
     model M is 0 and the moments are all there is.
 
+    Where a measurement did not give a position, a state is a Gaussian sum of ``spread`` parts, each
+    with its models: G M columns, part by part, or G with one motion model; parts that a row has not
+    weigh 0. ``spread`` is 1 without, see :mod:`gda_tracker.tracking.gaussian_sums`.
+
     Under ``mht`` a track has several rows, its leaves, one after the other: ``chosen`` (H,) marks
     the one that speaks for it (else all do), ``log_score`` (H,) is the log likelihood ratio of the
     leaf against false alarms, ``detection_numbers`` (H, W) the running numbers of the detections of
@@ -83,6 +87,7 @@ class HypothesisTable:
     class_names: tuple[str, ...] = ()
     window_focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
     models: tuple[str, ...] = ()
+    spread: int = 1
 
     def __post_init__(self) -> None:
         """Give rows that were made without a window, models, trees or odds empty ones."""
@@ -172,6 +177,6 @@ def move_columns(masses: FloatArray, focal: MaskArray, columns: MaskArray) -> Fl
     return moved
 
 
-WHOLE_FIELDS = ("frame", "focal", "class_names", "window_focal", "models")
+WHOLE_FIELDS = ("frame", "focal", "class_names", "window_focal", "models", "spread")
 ALL_FIELDS = tuple(f.name for f in fields(HypothesisTable))
 ROW_FIELDS = tuple(name for name in ALL_FIELDS if name not in WHOLE_FIELDS)

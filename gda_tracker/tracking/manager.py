@@ -27,6 +27,7 @@ from gda_tracker.tracking.closing import (
     close_unanswered,
 )
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
+from gda_tracker.tracking.door_models import ModelSetting, validate_with_model
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initial_tracks import (
     fault_of_initial_tracks,
@@ -86,10 +87,21 @@ class TrackManager:
         Rejected
             With the reason, if the scan is refused as a whole.
         """
-        p = self._at_the_door
+        sensor_id = detections.sensor_id
+        p = self._at_the_door.of_sensor(sensor_id)
         noise = DefaultNoise(
             p.range_std_m, p.azimuth_std_rad, p.elevation_std_rad, p.range_rate_std_mps
         )
+        if model := p.model_of(sensor_id):
+            setting = ModelSetting(model, p.reference_of(sensor_id))
+            return validate_with_model(
+                detections,
+                setting,
+                noise,
+                p.tracking_frame,
+                p.max_detections_per_scan,
+                self.epoch,
+            )
         return validate(detections, noise, p.tracking_frame, p.max_detections_per_scan, self.epoch)
 
     def admit(

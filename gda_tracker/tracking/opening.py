@@ -46,7 +46,8 @@ def open_scan(
     counters
         Resets and statements that were dropped are counted here.
     """
-    p, scan = parameters, waiting.scan
+    scan = waiting.scan
+    p = parameters.of_sensor(scan.key.sensor_id)
     table, ended_ids, started = state.table, ended_track_id, state.last_ns is None
     dt_s = 0.0 if state.last_ns is None else (scan.key.stamp_ns - state.last_ns) / 1e9
     if restarted or dt_s > p.max_gap_s:

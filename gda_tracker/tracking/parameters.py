@@ -12,6 +12,7 @@ from gda_tracker.tracking.parameter_groups.mht import MhtParameters
 from gda_tracker.tracking.parameter_groups.motion import MotionParameters
 from gda_tracker.tracking.parameter_groups.operation import OperationParameters
 from gda_tracker.tracking.parameter_groups.sensor import SensorParameters
+from gda_tracker.tracking.parameter_groups.sensor_models import SensorModelParameters
 
 
 # The last group first: a dataclass takes its fields from its last base first.
@@ -23,6 +24,7 @@ class TrackManagerParameters(
     MhtParameters,
     LifeParameters,
     MotionParameters,
+    SensorModelParameters,
     SensorParameters,
     MethodParameters,
 ):
@@ -30,6 +32,7 @@ class TrackManagerParameters(
 
     def __post_init__(self) -> None:
         MotionParameters.check(self)
+        SensorModelParameters.check(self)
         LifeParameters.check(self)
         HistoryParameters.check(self)
         DoorParameters.check(self)

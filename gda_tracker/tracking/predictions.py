@@ -26,7 +26,9 @@ def predictions_of(
     geometric mean.
     """
     h, models = table.model_weight.shape
-    if models:
+    if table.spread > 1:
+        start, model, weight, mean, covariance = _components_of_sums(table)
+    elif models:
         start, model = _components(h, models, models // max(len(table.models), 1))
         weight = table.model_weight.reshape(h * models)
         # What is measured depends on position and velocity alone.
@@ -66,6 +68,25 @@ def predictions_of(
         window_kind=table.window_kind,
         window_masses=table.window_masses,
         window_log_class_likelihood=table.window_log_class_likelihood,
+    )
+
+
+def _components_of_sums(
+    table: HypothesisTable,
+) -> tuple[Int32Array, Int32Array, FloatArray, FloatArray, FloatArray]:
+    """First components, models, weights, means, covariances of sums, without what weighs 0."""
+    s = table.mean.shape[1]
+    held = table.model_weight > 0.0
+    start = np.concatenate([[0], np.cumsum(held.sum(axis=1))]).astype(np.int32)
+    count = max(len(table.models), 1)
+    each = held.shape[1] // table.spread // count
+    model = np.tile(np.arange(count, dtype=np.int32).repeat(each), table.spread)
+    return (
+        start,
+        np.broadcast_to(model, held.shape)[held],
+        table.model_weight[held],
+        table.model_mean[held][:, :s],
+        table.model_covariance[held][:, :s, :s],
     )
 
 

@@ -28,7 +28,7 @@ def retrodict_states(
         Time between the two.
     parameters
         Those of the prediction. Where one of the tables has not their models (the filter was
-        changed meanwhile), constant velocity leads from moments to moments.
+        changed meanwhile), or holds Gaussian sums, constant velocity leads from moments to moments.
 
     Returns
     -------
@@ -40,7 +40,8 @@ def retrodict_states(
     if not len(earlier):
         return found
     models = parameters.model_set
-    if has_models(parameters) and earlier.models == later.models == models.names:
+    plain = earlier.spread == later.spread == 1
+    if plain and has_models(parameters) and earlier.models == later.models == models.names:
         moved, slope = (None, models.matrices(dt_s)[0])
         if models.turns:
             moved, slope = models.moved_pairs(earlier.model_mean, dt_s)

@@ -8,6 +8,7 @@ from gda_tracker.kinematics.gaussian_filters import predict, update
 from gda_tracker.kinematics.motion_models import constant_velocity
 from gda_tracker.kinematics.range_rate import range_rates, update_with_range_rate
 from gda_tracker.kinematics.sensor_models import innovations, polar_measurements
+from gda_tracker.tracking.gaussian_sums import parts_of, update_by_model, with_parts
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.model_states import (
     has_models,
@@ -28,6 +29,11 @@ def predict_states(
 
     Its rows get, or lose, the models of the filter that the parameters ask for.
     """
+    if table.spread > 1:
+        parts, weight = parts_of(table)
+        predicted = table.copy()
+        with_parts(predicted, predict_states(parts, dt_s, parameters), weight)
+        return predicted
     if has_models(parameters):
         return predict_models(table, dt_s, parameters)
     if table.model_weight.shape[1]:
@@ -50,6 +56,9 @@ def update_states(
     """
     rows = np.flatnonzero(assigned >= 0)
     if not len(rows):
+        return
+    if scan.sensor_model:
+        update_by_model(table, scan, rows, assigned[rows])
         return
     measurements = polar_measurements(scan)
     rates = range_rates(scan, measurements) if use_range_rate else None

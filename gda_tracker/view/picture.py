@@ -107,6 +107,8 @@ def _no_sightings() -> Sightings:
 
 
 def _sightings(scan: Scan) -> Sightings:
+    if scan.sensor_model:
+        return _no_sightings()  # no point in the plane
     polar = polar_measurements(scan)
     rate = scan.range_rate_mps
     return Sightings(

@@ -13,6 +13,7 @@ from gda_tracker.association.statements import statement_factors
 from gda_tracker.tracking.answers import Inconsistent
 from gda_tracker.tracking.existence import log_room
 from gda_tracker.tracking.extraction import scan_increments
+from gda_tracker.tracking.gaussian_sums import merge_components
 from gda_tracker.tracking.history_window import remember
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.life import judge
@@ -21,7 +22,6 @@ from gda_tracker.tracking.mht.branches import Branches, branch
 from gda_tracker.tracking.mht.decision import global_hypothesis
 from gda_tracker.tracking.mht.generations import Generation, ancestors, rows_of
 from gda_tracker.tracking.mht.pruning import Nearness, leaves_in_all, merge
-from gda_tracker.tracking.model_states import merge_pairs
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.state_update import count_detections, set_beliefs, update_states
 from gda_tracker.tracking.statement_update import (
@@ -131,7 +131,7 @@ def grow(
     if opened.scan.statements:
         predicted = opened.table.select(branches.parent)
         update_heard_states(table, predicted, opened.scan.statements, scores is not None)
-    merge_pairs(table)
+    merge_components(table, parameters)
     count_detections(table, opened.scan, used)
     p = parameters
     if p.mht_merge_scans:

@@ -21,9 +21,12 @@ def start_scores(
     The first detection counts the ratio of new targets to false alarms, each scan without one
     1 - P_D, the second P_D p(z) / beta with z uniform where a target of the largest
     speed can be: the disc of radius v dt, divided by the range as the density is per m and rad.
-    What the attributes say of the two is not counted.
+    What the attributes say of the two is not counted. Of a track that starts from one detection of
+    a sensor with a model of its own that is the ratio of new targets alone.
     """
     p = parameters
+    if scan.sensor_model:
+        return np.full(len(new.detection), np.log(p.mht_new_target_ratio))
     dt_s = (scan.key.stamp_ns - new.first_stamp_ns) / 1e9
     range_m = polar_measurements(scan).range_m[new.detection]
     spread = (range_m, np.pi * np.square(p.max_speed_mps * dt_s))
