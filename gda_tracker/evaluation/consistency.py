@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtr, chdtri, ndtri
+from scipy.special import chdtr, chdtrc, chdtri, ndtri
 
 from gda_tracker.evaluation.matching import Matches
 from gda_tracker.kinematics.gating import MEASUREMENT_DIMENSION, gate_threshold
@@ -155,6 +155,7 @@ def score_nis(
     predictions: Sequence[Predictions],
     associations: Sequence[Associations],
     assigned: Sequence[Int32Array | None],
+    dimensions: Sequence[int] | None = None,
 ) -> NormalisedErrors:
     """NIS of the detections that confirmed tracks were given; needs no truth.
 
@@ -171,6 +172,9 @@ def score_nis(
         One entry per scan; the tracks are those after the scan.
     assigned
         ``RingResult.assigned`` of each scan; ``None``: what the associations have chosen.
+    dimensions
+        Measured quantities of each scan; ``None``: two. Values of another number are told as those
+        of two quantities that are as probable, so that all sensors have one measure.
 
     Raises
     ------
@@ -187,7 +191,10 @@ def score_nis(
         confirmed = live.track_id[live.status == CONFIRMED]
         chosen = decided.chosen if given is None else given[decided.hypothesis] == decided.detection
         chosen = chosen & np.isin(expected.track_id[decided.hypothesis], confirmed)
-        squared.append(decided.mahalanobis_squared[chosen])
+        values = decided.mahalanobis_squared[chosen]
+        if dimensions is not None and dimensions[scan] != MEASUREMENT_DIMENSION:
+            values = chdtri(MEASUREMENT_DIMENSION, chdtrc(dimensions[scan], values))
+        squared.append(values)
         scans.append(np.full(int(chosen.sum()), scan))
     return NormalisedErrors(
         np.concatenate(squared),

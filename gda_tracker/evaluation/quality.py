@@ -18,9 +18,11 @@ from gda_tracker.evaluation.consistency import (
 from gda_tracker.evaluation.continuity import Continuity, score_continuity
 from gda_tracker.evaluation.matching import match_run
 from gda_tracker.evaluation.set_distances import SetDistances, score_set_distances
+from gda_tracker.kinematics.gating import MEASUREMENT_DIMENSION
+from gda_tracker.kinematics.measurement_models import MEASUREMENT_MODELS
 from gda_tracker.tracking.ring import RingResult
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
-from gda_tracker.vocabulary.scans import ScanTruth
+from gda_tracker.vocabulary.scans import Scan, ScanTruth
 from gda_tracker.vocabulary.tracks import Tracks
 
 
@@ -101,9 +103,22 @@ def score_quality(
         score_continuity(tracks, truth, match_distance_m=match_distance_m),
         score_set_distances(tracks, truth, match_distance_m),
         score_nees(tracks, truth, match_run(tracks, truth, match_distance_m)),
-        score_nis(tracks, predictions, associations, [result.assigned for result in results]),
+        score_nis(
+            tracks,
+            predictions,
+            associations,
+            [result.assigned for result in results],
+            [_measured_quantities(result.scan) for result in results],
+        ),
         *(_position_error(told, truth, match_distance_m) for told in (delayed, smoothed)),
     )
+
+
+def _measured_quantities(scan: Scan | None) -> int:
+    """How many quantities a scan's sensor gates with."""
+    if scan is None or not scan.sensor_model:
+        return MEASUREMENT_DIMENSION
+    return len(MEASUREMENT_MODELS[scan.sensor_model])
 
 
 def _position_error(

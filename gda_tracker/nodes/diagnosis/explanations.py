@@ -26,6 +26,7 @@ def _of(level: str, meaning: str, fix: str = "") -> Explanation:
 _VERSIONS = "restart all nodes from one installation; gda-tracker doctor compares the messages"
 _RESTARTED = "nothing, if the track_manager was restarted; else look for a second one"
 _DRIVER = "mend the driver: msg_schemas/msg/DetectionArray.msg states every field"
+_MODEL = "change the driver, or the sensor's entry in sensor_models (docs/sensor-models.md)"
 
 EXPLANATIONS: dict[str, Explanation] = {
     # scans that were refused as a whole
@@ -59,6 +60,29 @@ EXPLANATIONS: dict[str, Explanation] = {
     ),
     "rejected_bad_sensor_pose": _of(
         ERROR, "scans whose sensor pose is not finite or no unit quaternion", _DRIVER
+    ),
+    "rejected_range_rate_missing": _of(
+        ERROR, "scans without the range rates that the sensor's model measures", _MODEL
+    ),
+    "rejected_elevation_with_model": _of(
+        ERROR, "scans with elevations of a sensor whose model is one of the plane", _MODEL
+    ),
+    "rejected_time_offset_with_model": _of(
+        ERROR, "scans with time offsets of a sensor with a model of its own", _MODEL
+    ),
+    "rejected_tilted_sensor": _of(
+        ERROR, "scans with azimuths of a tilted sensor, whose model is one of the plane", _MODEL
+    ),
+    "rejected_bad_sensor_velocity": _of(
+        ERROR, "scans whose sensor_velocity_mps is not finite or beyond 1e6 m/s", _DRIVER
+    ),
+    "rejected_reference_missing": _of(
+        ERROR,
+        "scans of a pair of sensors that do not say where the second one is",
+        "set reference_position_m in the detections, or sensor_references_m in the parameters",
+    ),
+    "rejected_bad_reference": _of(
+        ERROR, "scans whose reference position or velocity is not finite or too large", _DRIVER
     ),
     "rejected_initial_tracks_malformed": _of(ERROR, "initial tracks that cannot be used", _DRIVER),
     "rejected_initial_tracks_not_finite": _of(ERROR, "initial tracks with NaN or inf", _DRIVER),
