@@ -109,6 +109,9 @@ def detections(count: int = 7, full: bool = True) -> Detections:
         "attribute_names": ("length_m", "esm_class"),
         "attribute_values": floats(2, count, seed=12),
         "attribute_valid": np.arange(2 * count).reshape(2, count) % 3 == 1,
+        "sensor_velocity_mps": floats(3, seed=13),
+        "reference_position_m": floats(3, seed=14),
+        "reference_velocity_mps": floats(3, seed=15),
     }
     return Detections(
         sensor_id=KEY.sensor_id,
@@ -131,6 +134,10 @@ def scan(count: int = 7, full: bool = True) -> Scan:
         "attribute_values": floats(3, count, seed=8),
         "attribute_valid": np.arange(3 * count).reshape(3, count) % 2 == 1,
         "statements": (statement(), statement(0)),
+        "sensor_model": "tdoa_fdoa",
+        "sensor_velocity_mps": floats(3, seed=9),
+        "reference_position_m": floats(3, seed=10),
+        "reference_velocity_mps": floats(3, seed=11),
     }
     size = 4 if full else 2
     return Scan(

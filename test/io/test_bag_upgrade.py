@@ -15,7 +15,14 @@ from gda_tracker.io.bags import Bag, BagError, DamagedBagWarning, read_bag
 from gda_tracker.resources import resource
 
 KIND = "gda_tracker_msgs/msg/DetectionArray"
-NEW_FIELDS = ("attribute_names", "attribute_values", "attribute_valid")
+NEW_FIELDS = (
+    "attribute_names",
+    "attribute_values",
+    "attribute_valid",
+    "sensor_velocity_mps",
+    "reference_position_m",
+    "reference_velocity_mps",
+)
 
 
 def store_with(change):
@@ -27,7 +34,8 @@ def store_with(change):
 
 
 def without_the_new_fields(text):
-    return re.sub(r"(?m)^.* attribute_\w+ .*\n", "", text)
+    later = r"attribute_\w+|reference_\w+|sensor_velocity_mps"
+    return re.sub(rf"(?m)^.*\] ({later}) .*\n", "", text)
 
 
 def write(path, change, plugin=StoragePlugin.MCAP, count=3):

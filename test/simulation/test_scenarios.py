@@ -21,7 +21,14 @@ def content() -> dict:
 
 
 def test_shipped_scenarios_load_by_name_and_path():
-    assert list(shipped_scenarios()) == ["closely_spaced_targets", "crossing_targets"]
+    assert list(shipped_scenarios()) == [
+        "closely_spaced_targets",
+        "crossing_bearings",
+        "crossing_targets",
+        "mixed_sensors",
+        "moving_emitter",
+        "two_sensors",
+    ]
     for name, path in shipped_scenarios().items():
         assert load_scenario(name) == load_scenario(path)
         assert load_scenario(name).name == name
@@ -59,7 +66,8 @@ def _set(path: str, value: object):
 
 
 WRONG = [
-    (_set("sensors", {}), "unknown key 'sensors' (did you mean sensor?); allowed are name, time,"),
+    (_set("sensing", {}), "unknown key 'sensing'"),
+    (_set("sensors", {}), "unknown key 'sensor'"),
     (_set("sensor/azimuth_std_rad", 1), "sensor: unknown key 'azimuth_std_rad'"),
     (_set("targets/0/colour", "red"), "targets[0]: unknown key 'colour'"),
     (_set("targets/0/manoeuvres/0/g", 1), "manoeuvres[0]: unknown key 'g'; allowed are start_scan"),
@@ -107,7 +115,7 @@ def test_overlapping_turns_are_refused(content):
 
 
 def test_a_file_that_is_not_there():
-    with pytest.raises(ScenarioError, match="shipped are closely_spaced_targets, crossing_targets"):
+    with pytest.raises(ScenarioError, match="shipped are closely_spaced_targets, crossing_bearings"):
         load_scenario("crossing_target")
 
 
