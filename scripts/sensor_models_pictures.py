@@ -19,7 +19,10 @@ from gda_tracker.vocabulary.arrays import FloatArray
 from gda_tracker.vocabulary.tracks import CONFIRMED
 from scripts.sensor_models_case import with_model
 
-UNITS = {name: f"1/({model.unit})" for name, model in MEASUREMENT_MODELS.items()}
+UNITS = {
+    name: f"1/({model.unit})" if len(model) > 1 else f"1/{model.unit}"
+    for name, model in MEASUREMENT_MODELS.items()
+}
 SHOWN = ("bearing", "range", "range_doppler", "bistatic", "tdoa", "tdoa_fdoa")
 TURN = np.linspace(0.0, 2.0 * np.pi, 60)
 

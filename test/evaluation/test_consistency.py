@@ -171,6 +171,19 @@ def test_nis_counts_the_chosen_pairs_of_confirmed_tracks():
     assert (found.dimension, found.threshold) == (2, gate_threshold(0.99))
 
 
+def test_nis_of_other_dimensions_is_told_as_that_of_two_quantities():
+    """Values at the same quantile of chi-square become the same, and the gate stays the gate."""
+    tracks, _ = scene()
+    values = [stats.chi2.ppf(p, 1) for p in (0.1, 0.5, 0.99)]
+    one = decided([True, False, True], values)
+    two = decided([True, False, True], [stats.chi2.ppf(p, 2) for p in (0.1, 0.5, 0.99)])
+    three = decided([True, False, True], [stats.chi2.ppf(p, 3) for p in (0.1, 0.5, 0.99)])
+    scans = list(zip(one, two, three, strict=True))
+    found = score_nis([tracks] * 3, scans[0], scans[1], [None] * 3, [1, 2, 3])
+    np.testing.assert_allclose(found.squared, np.full(3, stats.chi2.ppf(0.1, 2)))
+    assert found.dimension == 2
+
+
 def test_nis_needs_one_gate():
     tracks, _ = scene()
     one, other = decided([], []), decided([], [], 0.9)

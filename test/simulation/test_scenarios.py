@@ -115,7 +115,9 @@ def test_overlapping_turns_are_refused(content):
 
 
 def test_a_file_that_is_not_there():
-    with pytest.raises(ScenarioError, match="shipped are closely_spaced_targets, crossing_bearings"):
+    with pytest.raises(
+        ScenarioError, match="shipped are closely_spaced_targets, crossing_bearings"
+    ):
         load_scenario("crossing_target")
 
 

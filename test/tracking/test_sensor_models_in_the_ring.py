@@ -16,6 +16,7 @@ from gda_tracker.simulation.sensor_network import simulate_network
 from gda_tracker.tracking import checkpoint
 from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary.scans import Detections
+from gda_tracker.vocabulary.statements import Statement, StatementPiece, StatementRegion
 from gda_tracker.vocabulary.tracks import CONFIRMED
 
 
@@ -170,3 +171,34 @@ def test_a_pair_that_does_not_say_where_it_is_is_refused():
 def test_labelled_tracks_need_positions():
     with pytest.raises(ParameterError, match="allowed is automatic"):
         method_parameters(load_scenario("moving_emitter"), "map/none/cv", "labelled")
+
+
+def test_somebody_who_knows_where_it_is_shortens_the_ray():
+    """A statement weighs the components of a sum, and what a detection makes of them."""
+    scenario = _scenario("two_sensors", n_scans=3)
+    ring = Ring(with_method(tracker_preset(scenario), "mht/none/cv"))
+    recording = simulate_network(scenario, 1, 0)
+    seen = [scan for scan in recording.detections if scan.sensor_id == "west"]
+    before = ring.process(seen[0]).tracks
+    x, y = recording.truth[0].target_state[0, :2]
+    near = StatementRegion("gaussian", centre_m=(x, y), covariance_m2=(1e6, 0.0, 0.0, 1e6))
+    said = Statement(
+        "lookout", 1, seen[1].stamp_ns, "fuzzy", "track", (StatementPiece(near),), 1, frame_id="map"
+    )
+    assert ring.say(said).outcome == "admitted"
+    after = ring.process(seen[1]).tracks
+    assert np.trace(before.covariance[0, :2, :2]) > 5_000.0**2
+    assert np.trace(after.covariance[0, :2, :2]) < 1_500.0**2
+    assert np.hypot(*(after.mean[0, :2] - (x, y))) < 1_000.0
+
+
+def test_a_place_spoken_of_says_nothing_about_what_has_no_place():
+    scenario = _scenario("two_sensors", n_scans=3)
+    scan = simulate_network(scenario, 1, 0).detections[0]
+    rings = [Ring(with_method(tracker_preset(scenario), "map/bayes/cv")) for _ in range(2)]
+    box = StatementRegion("box", low_m=(-1e5, -1e5), high_m=(1e5, 1e5))
+    piece = StatementPiece(box, ("ship",), (1.0,))
+    said = Statement("lookout", 1, 0, "fuzzy", "place", (piece,), frame_id="map")
+    assert rings[1].say(said).outcome == "admitted"
+    evidence = [ring.process(scan).evidence.log_class_likelihood for ring in rings]
+    np.testing.assert_array_equal(*evidence)
