@@ -20,7 +20,7 @@ from gda_tracker.vocabulary.tracks import CONFIRMED
 from scripts.sensor_models_case import with_model
 
 UNITS = {
-    name: f"1/({model.unit})" if len(model) > 1 else f"1/{model.unit}"
+    name: f"1/({model.unit})" if len(model) > 1 or "/" in model.unit else f"1/{model.unit}"
     for name, model in MEASUREMENT_MODELS.items()
 }
 SHOWN = ("bearing", "range", "range_doppler", "bistatic", "tdoa", "tdoa_fdoa")
