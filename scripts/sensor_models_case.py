@@ -8,14 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gda_tracker.kinematics.cramer_rao import Look, cramer_rao_bounds
-from gda_tracker.kinematics.measurement_models import (
-    MEASUREMENT_MODELS,
-    Sites,
-    compare,
-    expected,
-    measure,
-    update,
-)
+from gda_tracker.kinematics.measurement_kinds import MEASUREMENT_MODELS
+from gda_tracker.kinematics.measurement_models import Sites, compare, expected, measure, update
 from gda_tracker.simulation.playback import with_method
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import Scenario, load_scenario

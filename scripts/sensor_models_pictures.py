@@ -8,7 +8,8 @@ import numpy as np
 
 from gda_tracker.evaluation.figures.canvas import COLOURS, GREY, INK, canvas
 from gda_tracker.kinematics.gaussian_sum_starts import Reach, start_sums
-from gda_tracker.kinematics.measurement_models import MEASUREMENT_MODELS, Observed, measure
+from gda_tracker.kinematics.measurement_kinds import MEASUREMENT_MODELS
+from gda_tracker.kinematics.measurement_models import Observed, measure
 from gda_tracker.simulation.playback import with_method
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import load_scenario

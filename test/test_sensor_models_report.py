@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gda_tracker.kinematics.measurement_models import MEASUREMENT_MODELS
+from gda_tracker.kinematics.measurement_kinds import MEASUREMENT_MODELS
 from scripts import measure_sensor_models as report
 from scripts.sensor_models_case import against_the_bound, range_rate_errors, with_model
 

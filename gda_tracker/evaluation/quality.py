@@ -19,7 +19,7 @@ from gda_tracker.evaluation.continuity import Continuity, score_continuity
 from gda_tracker.evaluation.matching import match_run
 from gda_tracker.evaluation.set_distances import SetDistances, score_set_distances
 from gda_tracker.kinematics.gating import MEASUREMENT_DIMENSION
-from gda_tracker.kinematics.measurement_models import MEASUREMENT_MODELS
+from gda_tracker.kinematics.measurement_kinds import MEASUREMENT_MODELS
 from gda_tracker.tracking.ring import RingResult
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.scans import Scan, ScanTruth

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gda_tracker.kinematics.measurement_models import MeasurementModel, Sites, derivatives
+from gda_tracker.kinematics.measurement_kinds import MeasurementModel
+from gda_tracker.kinematics.measurement_models import Sites, derivatives
 from gda_tracker.kinematics.motion_models import constant_velocity
 from gda_tracker.vocabulary.arrays import FloatArray
 

@@ -15,11 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gda_tracker.kinematics.measurement_kinds import AZIMUTH, RANGE_RATE, MeasurementModel
 from gda_tracker.kinematics.measurement_models import (
-    AZIMUTH,
-    RANGE_RATE,
     Compared,
-    MeasurementModel,
     Observed,
     Sites,
     compare,

@@ -33,73 +33,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gda_tracker.kinematics.measurement_kinds import (
+    AZIMUTH,
+    MEASUREMENT_MODELS,
+    RANGE,
+    RANGE_RATE,
+    MeasurementModel,
+)
 from gda_tracker.kinematics.sensor_models import SMALLEST_RANGE_M, wrap_angle
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
 from gda_tracker.vocabulary.scans import Scan
 
-RANGE, AZIMUTH, RANGE_RATE = "range", "azimuth", "range_rate"
-RANGE_AZIMUTH = "range_azimuth"
 LOG_TWO_PI = math.log(2.0 * math.pi)
 # Position and velocity in the plane: what is measured depends on nothing else.
 STATE = 4
-
-
-@dataclass(frozen=True)
-class MeasurementModel:
-    """What a sensor measures.
-
-    ``quantities`` in the order range, azimuth, range rate; ``reference_sign`` is the sign of the
-    reference's range and range rate in the sum, 0 without a reference; ``rotated``: the range rate
-    is linearised in axes turned to the measured azimuth.
-    """
-
-    name: str
-    quantities: tuple[str, ...]
-    reference_sign: float = 0.0
-    rotated: bool = False
-
-    def __len__(self) -> int:
-        return len(self.quantities)
-
-    @property
-    def unit(self) -> str:
-        """Unit of the measurement space."""
-        units = {RANGE: "m", AZIMUTH: "rad", RANGE_RATE: "m/s"}
-        return " ".join(units[quantity] for quantity in self.quantities)
-
-    @property
-    def has_reference(self) -> bool:
-        """Whether there is a transmitter or a second receiver."""
-        return self.reference_sign != 0.0
-
-    @property
-    def locates(self) -> bool:
-        """Whether one measurement gives a position."""
-        return RANGE in self.quantities and AZIMUTH in self.quantities
-
-    @property
-    def starts(self) -> bool:
-        """Whether one measurement bounds the position: a point, a ray or a curve."""
-        return RANGE in self.quantities or AZIMUTH in self.quantities
-
-
-MEASUREMENT_MODELS = {
-    model.name: model
-    for model in (
-        MeasurementModel("bearing", (AZIMUTH,)),
-        MeasurementModel("range", (RANGE,)),
-        MeasurementModel("range_doppler", (RANGE, RANGE_RATE)),
-        MeasurementModel("doppler", (RANGE, AZIMUTH, RANGE_RATE)),
-        MeasurementModel("doppler_rotated", (RANGE, AZIMUTH, RANGE_RATE), rotated=True),
-        MeasurementModel("bistatic", (RANGE,), 1.0),
-        MeasurementModel("bistatic_doppler", (RANGE, RANGE_RATE), 1.0),
-        MeasurementModel("tdoa", (RANGE,), -1.0),
-        MeasurementModel("fdoa", (RANGE_RATE,), -1.0),
-        MeasurementModel("tdoa_fdoa", (RANGE, RANGE_RATE), -1.0),
-    )
-}
-# range_azimuth is the sensor of gda_tracker.kinematics.sensor_models.
-SENSOR_MODELS = (RANGE_AZIMUTH, *MEASUREMENT_MODELS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +72,11 @@ class Observed:
     def select(self, rows: IntArray) -> Observed:
         """The measurements of the given rows."""
         return Observed(self.model, self.sites, self.value[rows], self.noise[rows])
+
+
+def locates(scan: Scan) -> bool:
+    """Whether the detections of a scan are places in the plane: of range and azimuth."""
+    return not scan.sensor_model or MEASUREMENT_MODELS[scan.sensor_model].locates
 
 
 def observed(scan: Scan) -> Observed:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gda_tracker.kinematics.measurement_models import AZIMUTH, Expected, Observed, compare, expected
+from gda_tracker.kinematics.measurement_kinds import AZIMUTH
+from gda_tracker.kinematics.measurement_models import Expected, Observed, compare, expected
 from gda_tracker.kinematics.sensor_models import wrap_angle
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.hypotheses import Predictions

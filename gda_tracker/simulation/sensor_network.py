@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gda_tracker.kinematics.measurement_models import AZIMUTH, RANGE, RANGE_RATE, Sites, measure
+from gda_tracker.kinematics.measurement_kinds import AZIMUTH, RANGE, RANGE_RATE
+from gda_tracker.kinematics.measurement_models import Sites, measure
 from gda_tracker.kinematics.sensor_models import wrap_angle
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import Scenario

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gda_tracker.kinematics.measurement_models import (
+from gda_tracker.kinematics.measurement_kinds import (
     AZIMUTH,
     MEASUREMENT_MODELS,
     RANGE,

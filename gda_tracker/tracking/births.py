@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gda_tracker.kinematics.gaussian_sum_starts import Reach, Sums, start_sums
-from gda_tracker.kinematics.measurement_models import MEASUREMENT_MODELS, observed
+from gda_tracker.kinematics.measurement_kinds import MEASUREMENT_MODELS
+from gda_tracker.kinematics.measurement_models import observed
 from gda_tracker.kinematics.mixtures import moments
 from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.tracking.existence import prior_odds

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gda_tracker.kinematics.measurement_models import (
+from gda_tracker.kinematics.measurement_kinds import (
     AZIMUTH,
     MEASUREMENT_MODELS,
     RANGE,

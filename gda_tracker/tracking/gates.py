@@ -45,10 +45,12 @@ class Gates:
 def gates_of(scan: Scan, predictions: Predictions, previous: Tracks | None) -> Gates | None:
     """Gates of the leading hypotheses; none without a detection, whose noise is a part of them.
 
+    Of a sensor with a model of its own there are none either: its gate need not be round a place.
+
     ``previous`` are the tracks after the scan before: of the hypotheses of a track, the gate is
     that of the one that spoke for it then.
     """
-    if not len(scan):
+    if not len(scan) or scan.sensor_model:
         return None
     rows = _leading(predictions, previous)
     noise = np.median(polar_measurements(scan).covariance, axis=0)

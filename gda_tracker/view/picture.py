@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gda_tracker.kinematics.measurement_models import locates
 from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.tracking.gates import Gates, gates_of
 from gda_tracker.tracking.ring import RingResult
@@ -107,8 +108,8 @@ def _no_sightings() -> Sightings:
 
 
 def _sightings(scan: Scan) -> Sightings:
-    if scan.sensor_model:
-        return _no_sightings()  # no point in the plane
+    if not locates(scan):
+        return _no_sightings()
     polar = polar_measurements(scan)
     rate = scan.range_rate_mps
     return Sightings(

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gda_tracker.kinematics.measurement_models import (
-    MEASUREMENT_MODELS,
-    MeasurementModel,
-    Observed,
-    Sites,
-    measure,
-)
+from gda_tracker.kinematics.measurement_kinds import MEASUREMENT_MODELS, MeasurementModel
+from gda_tracker.kinematics.measurement_models import Observed, Sites, measure
 from gda_tracker.vocabulary.arrays import FloatArray
 
 MODELS = tuple(MEASUREMENT_MODELS.values())

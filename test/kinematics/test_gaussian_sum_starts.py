@@ -7,7 +7,8 @@ import pytest
 from measurement_examples import MODELS, noise_of, observed_at, sites_of
 
 from gda_tracker.kinematics.gaussian_sum_starts import Reach, start_sums
-from gda_tracker.kinematics.measurement_models import MEASUREMENT_MODELS, measure
+from gda_tracker.kinematics.measurement_kinds import MEASUREMENT_MODELS
+from gda_tracker.kinematics.measurement_models import measure
 
 REACH = Reach(nearest_m=800.0, farthest_m=30_000.0, components=16, max_speed_mps=300.0)
 STARTING = [model for model in MODELS if model.starts]

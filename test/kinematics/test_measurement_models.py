@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from measurement_examples import MODELS, noise_of, sites_of
 
+from gda_tracker.kinematics.measurement_kinds import MEASUREMENT_MODELS, MeasurementModel
 from gda_tracker.kinematics.measurement_models import (
-    MEASUREMENT_MODELS,
-    MeasurementModel,
     Sites,
     compare,
     derivatives,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gda_tracker.io.markers.parameters import Colour, MarkerParameters
+from gda_tracker.kinematics.measurement_models import locates
 from gda_tracker.kinematics.rigid_transforms import rotation_matrix
 from gda_tracker.kinematics.sensor_models import cartesian_positions, polar_measurements
 from gda_tracker.tracking.gates import Gates
@@ -141,7 +142,12 @@ def likely_classes(tracks: Tracks) -> list[int]:
 
 
 def detection_positions(scan: Scan) -> FloatArray:
-    """Return where the detections (n, 2) [m] lie in the tracking plane."""
+    """Return where the detections (n, 2) [m] lie in the tracking plane, NaN where that is unknown.
+
+    A sensor with a model of its own may measure a bearing or a difference of ranges alone.
+    """
+    if not locates(scan):
+        return np.full((len(scan), 2), np.nan)
     return cartesian_positions(polar_measurements(scan))[0]
 
 
@@ -204,6 +210,8 @@ def associations(scan: Scan, tracks: Tracks, p: MarkerParameters) -> list[Shape]
     there = place < len(sources)
     there[there] = sources[place[there]] == taken[there]
     if not there.any():
+        return []
+    if not locates(scan):
         return []
     ends = detection_positions(scan)[order[place[there]]]
     lines = np.stack([tracks.mean[rows[there], :2], ends], axis=1).reshape(-1, 2)

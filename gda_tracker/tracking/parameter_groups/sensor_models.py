@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from gda_tracker.kinematics.measurement_models import (
+from gda_tracker.kinematics.measurement_kinds import (
     MEASUREMENT_MODELS,
     RANGE_AZIMUTH,
     SENSOR_MODELS,
