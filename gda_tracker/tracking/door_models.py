@@ -56,17 +56,19 @@ def validate_with_model(
         raise Rejected("elevation_with_model")
     if detections.time_offset_s is not None:
         raise Rejected("time_offset_with_model")
-    velocity = _vector(detections.sensor_velocity_mps, "bad_sensor_velocity", LARGEST_SPEED_MPS)
+    velocity = _vector(detections.sensor_velocity_mps)
+    if not _bounded(velocity, LARGEST_SPEED_MPS):
+        raise Rejected("bad_sensor_velocity")
     reference, its_velocity = None, None
     if model.has_reference:
-        reference = _vector(detections.reference_position_m, "bad_reference", LARGEST_RANGE_M)
+        reference = _vector(detections.reference_position_m)
+        its_velocity = _vector(detections.reference_velocity_mps)
+        if not (_bounded(reference, LARGEST_RANGE_M) and _bounded(its_velocity, LARGEST_SPEED_MPS)):
+            raise Rejected("bad_reference")
         if reference is None and setting.reference_m is not None:
             reference = np.array(setting.reference_m)
         if reference is None:
             raise Rejected("reference_missing")
-        its_velocity = _vector(
-            detections.reference_velocity_mps, "bad_reference", LARGEST_SPEED_MPS
-        )
     scan, counts = validate(_stand_ins(detections, model), noise, tracking_frame, limit, epoch)
     x, y, _, _ = (abs(float(part)) for part in scan.sensor_orientation_xyzw)
     if max(x, y) > 1e-6 and AZIMUTH in model.quantities:
@@ -132,12 +134,12 @@ def _own_noise(detections: Detections, model: MeasurementModel, n: int) -> Float
     return given if RANGE_RATE in model.quantities else given[:, :2, :2]
 
 
-def _vector(values: Any, fault: str, largest: float) -> FloatArray | None:
-    """Three finite numbers, none too large, or ``None`` where there are none."""
-    if values is None:
-        return None
-    vector = column(values, 3)
+def _vector(values: Any) -> FloatArray | None:
+    """Three numbers, or ``None`` where there are none."""
+    return None if values is None else column(values, 3)
+
+
+def _bounded(vector: FloatArray | None, largest: float) -> bool:
+    """Whether all of a vector's numbers are finite and none is too large."""
     # NaN fails every comparison.
-    if not (np.abs(vector) <= largest).all():
-        raise Rejected(fault)
-    return vector
+    return vector is None or bool((np.abs(vector) <= largest).all())
