@@ -66,9 +66,13 @@ def track_map(
     with canvas(8.6, 6.6) as figure:
         axes = figure.add_subplot()
         scale = prepare_map(axes, box, axis_names)
-        if len(own_ship):
-            axes.plot(*(own_ship / scale).T, ":", color=INK, lw=1.2)
-            axes.plot(*(own_ship[-1] / scale), "^", ls=":", color=INK, ms=7, label="radar")
+        sensors = np.array([d.sensor_id for d in detections])
+        # In the order in which they appear.
+        for number, sensor in enumerate(dict.fromkeys(sensors.tolist())):
+            path = own_ship[sensors == sensor] / scale
+            axes.plot(*path.T, ":", color=INK, lw=1.2)
+            label = "_" if number else "radar"
+            axes.plot(*path[-1], "^", ls=":", color=INK, ms=7, label=label)
         rank = {target: index for index, target in enumerate(paths)}
         for target, path in paths.items():
             axes.plot(
