@@ -21,6 +21,7 @@ NODES = (
     "track_output",
     "markers",
     "set_valued_tracker",
+    "track_fusion",
 )
 
 

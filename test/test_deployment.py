@@ -19,9 +19,11 @@ from gda_tracker.commands import run
 from gda_tracker.errors import UserError
 from gda_tracker.io.launch_plan import (
     DEMO_ARGUMENTS,
+    FUSION_ARGUMENTS,
     OUTPUTS,
     TRACKER_ARGUMENTS,
     demo_plan,
+    fusion_plan,
     tracker_plan,
 )
 from gda_tracker.io.parameter_files import check_parameters, known_tables
@@ -38,6 +40,10 @@ def tracker(environment=None, **values):
 
 def demo(**values):
     return demo_plan({**{a.name: a.default for a in DEMO_ARGUMENTS}, **values}, {})
+
+
+def fusion(**values):
+    return fusion_plan({**{a.name: a.default for a in FUSION_ARGUMENTS}, **values}, {})
 
 
 # --- plans ----------------------------------------------------------------------------------------
@@ -183,6 +189,47 @@ def test_the_demo_plays_a_scenario_with_the_parameters_for_it():
             demo(**values)
 
 
+def test_fusion_starts_a_ring_for_each_radar_and_the_node_that_fuses(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "/**/track_manager:\n  ros__parameters:\n    decision: map\n"
+        "/**/track_fusion:\n  ros__parameters:\n    bias_std_m: [0.0, -1.0]\n"
+    )
+    plan = fusion(
+        radars="north, /south/", topics="/n/points,/s/points", presets="altos", params=str(file)
+    )
+    names = [(node.namespace, node.executable) for node in plan.nodes]
+    rings = [*STAGES, "radar_input"]
+    assert names == [
+        *(("north", name) for name in rings),
+        *(("south", name) for name in rings),
+        (None, "track_fusion"),
+    ]
+    preset, params, values = plan.nodes[-2].parameters
+    assert Path(preset).name == "altos.yaml"
+    assert params == str(file)
+    assert values == {"input_topic": "/s/points", "use_sim_time": False}
+    assert plan.nodes[-1].parameters == [
+        str(file), {"radars": ["north", "south"], "use_sim_time": False}
+    ]  # fmt: skip
+    # One file for all: a ring alone leaves out what is of the fusion.
+    parser = argparse.ArgumentParser()
+    run.add_arguments(parser)
+    assert "track_fusion" not in run._parameters(parser.parse_args(["--params", str(file)]))
+    plain = fusion()
+    assert [n.executable for n in plain.nodes] == [*STAGES, *STAGES, "track_fusion"]
+    assert [n.executable for n in fusion(rings="false").nodes] == ["track_fusion"]
+    for wrong, text in (
+        ({"radars": "one"}, "radars:=one: allowed are 2 or more names that differ"),
+        ({"topics": "a"}, "topics:=a: allowed are 0 or 2 entries"),
+        ({"presets": "a,b,c"}, "presets:=a,b,c: allowed are 0 or 1 or 2 entries"),
+        ({"presets": "nothing"}, "preset 'nothing'"),
+    ):
+        with pytest.raises(UserError) as caught:
+            fusion(**wrong)
+        assert text in str(caught.value)
+
+
 # --- launch files, with stand-ins for the packages of launch --------------------------------------
 
 
@@ -267,6 +314,7 @@ def describe(name, **values):
 def test_the_launch_files_are_these():
     assert sorted(p.name for p in (ROOT / "launch").glob("*.py")) == [
         "demo.launch.py",
+        "fusion.launch.py",
         "tracker.launch.py",
     ]
 
@@ -290,10 +338,20 @@ def test_demo_launch_starts_what_is_planned(launch_packages):
     assert names == [*STAGES, "scan_source", "recorder"]
 
 
+def test_fusion_launch_puts_each_ring_into_its_namespace(launch_packages):
+    nodes = [a for a in describe("fusion.launch.py", topics="a,b") if type(a) is Lifecycle]
+    assert [(node.namespace, node.name) for node in nodes[4:6]] == [
+        ("radar_1", "radar_input"),
+        ("radar_2", "track_manager"),
+    ]
+    assert (nodes[-1].namespace, nodes[-1].name) == ("", "track_fusion")
+
+
 def test_every_executable_of_the_plans_is_installed():
     scripts = re.findall(r'^    "(\w+)",$', (ROOT / "setup.py").read_text(), re.MULTILINE)
     plan = tracker(topic="points", outputs="radar_tracks", record="out")
-    assert {node.executable for node in (*plan.nodes, *demo().nodes)} <= set(scripts)
+    nodes = (*plan.nodes, *demo().nodes, *fusion().nodes)
+    assert {node.executable for node in nodes} <= set(scripts)
 
 
 # --- manifests and container ----------------------------------------------------------------------

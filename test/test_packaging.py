@@ -29,6 +29,7 @@ NODES = (
     "rcs_fuzzifier",
     "recorder",
     "scan_source",
+    "track_fusion",
     "track_manager",
     "track_output",
     "set_valued_tracker",

@@ -18,6 +18,8 @@ TRACK_OUTPUT = "track_output"
 MARKERS = "markers"
 # Node that tracks the same detections by sets.
 SET_VALUED_TRACKER = "set_valued_tracker"
+# Node that fuses the tracks of several radars.
+TRACK_FUSION = "track_fusion"
 
 Parameters = dict[str, dict[str, Any]]
 
@@ -71,7 +73,7 @@ def gather_parameters(
 
         for node, values in read_parameter_file(params).items():
             merged[node] = {**merged.get(node, {}), **values}
-    for node in (RADAR_INPUT, TRACK_OUTPUT, MARKERS, SET_VALUED_TRACKER):
+    for node in (RADAR_INPUT, TRACK_OUTPUT, MARKERS, SET_VALUED_TRACKER, TRACK_FUSION):
         merged.pop(node, None)
     if method is not None:
         merged["track_manager"] = {**merged.get("track_manager", {}), **parse_method(method)}

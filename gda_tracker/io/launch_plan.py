@@ -17,6 +17,7 @@ from gda_tracker.io.parameter_files import (
     MARKERS,
     RADAR_INPUT,
     SET_VALUED_TRACKER,
+    TRACK_FUSION,
     TRACK_OUTPUT,
     read_parameter_file,
 )
@@ -51,6 +52,8 @@ class NodePlan:
     executable: str
     parameters: list[str | dict[str, Any]]
     respawn: bool = True
+    namespace: str | None = None
+    """In place of the plan's."""
 
 
 @dataclass(slots=True)
@@ -77,6 +80,15 @@ TRACKER_ARGUMENTS = (
     Argument("set_valued", "false", "true: start the node set_valued_tracker too"),
     Argument("autostart", "true", "false: nodes wait for their lifecycle transitions"),
     Argument("processes", "four", "four: one process per node; one: all nodes in one process"),
+)
+FUSION_ARGUMENTS = (
+    Argument("radars", "radar_1,radar_2", "namespaces of the rings, with commas between"),
+    Argument("topics", "", "topics of the radars' drivers in that order; empty: NAME/detections"),
+    Argument("presets", "", "presets of the radars in that order, or one for all (docs/radars.md)"),
+    Argument("params", "", "parameter file of all nodes, on top of the presets"),
+    Argument("rings", "true", "false: the rings run already, only track_fusion is started"),
+    Argument("use_sim_time", "false", "true: time comes on /clock"),
+    Argument("rviz", "false", "true: start RViz too"),
 )
 DEMO_ARGUMENTS = (
     Argument("input", "crossing_targets", "scenario by name or file"),
@@ -140,6 +152,53 @@ def tracker_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> P
     return plan
 
 
+def fusion_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan:
+    """Return what ``fusion.launch.py`` starts: a ring per radar in its namespace, and track_fusion.
+
+    Raises
+    ------
+    UserError
+        If an argument, a preset or the parameter file is not allowed.
+    """
+    radars = _words(values["radars"])
+    if len(radars) < 2 or len(set(radars)) < len(radars):
+        raise LaunchError(f"radars:={values['radars']}: allowed are 2 or more names that differ")
+    topics = _per_radar(values, "topics", len(radars), (0, len(radars)))
+    presets = _per_radar(values, "presets", len(radars), (0, 1, len(radars)))
+    sim_time = _switch(values, "use_sim_time")
+    common = {"use_sim_time": sim_time}
+    plan = _plan({**values, "namespace": ""}, environment, sim_time)
+    # A file for all radars is checked once; ROS gives its entries to the nodes of any namespace.
+    own = _parameter_files("", values["params"])
+    rings = zip(radars, topics, presets, strict=True) if _switch(values, "rings") else ()
+    for radar, topic, preset in rings:
+        files = [*_parameter_files(preset, ""), *own]
+        nodes: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
+        if topic:
+            nodes[RADAR_INPUT] = {"input_topic": topic}
+        plan.nodes += [
+            NodePlan(node, [*files, {**table, **common}], namespace=radar)
+            for node, table in nodes.items()
+        ]
+    plan.nodes.append(NodePlan(TRACK_FUSION, [*own, {"radars": radars, **common}]))
+    return plan
+
+
+def _words(text: str) -> list[str]:
+    return [word for part in text.split(",") if (word := part.strip().strip("/"))]
+
+
+def _per_radar(
+    values: Mapping[str, str], name: str, n_radars: int, allowed: tuple[int, ...]
+) -> list[str]:
+    """Return the entries of a list, one per radar; empty ones where there are none."""
+    found = [part.strip() for part in values[name].split(",")] if values[name].strip() else []
+    if len(found) not in allowed:
+        sizes = " or ".join(str(size) for size in dict.fromkeys(allowed))
+        raise LaunchError(f"{name}:={values[name]}: allowed are {sizes} entries")
+    return found * n_radars if len(found) == 1 else found or [""] * n_radars
+
+
 def demo_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan:
     """Return what ``demo.launch.py`` starts: the ring, and a scenario that is played into it.
 
@@ -181,7 +240,7 @@ def demo_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> Plan
 
 
 def _plan(values: Mapping[str, str], environment: Mapping[str, str], sim_time: bool) -> Plan:
-    """Return a plan of what both launch files start."""
+    """Return a plan of what all launch files start."""
     plan = Plan(values["namespace"].strip("/"))
     spellings = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
     if not any(environment.get(name) for name in spellings):

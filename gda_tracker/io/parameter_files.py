@@ -40,6 +40,8 @@ SET_VALUED_TRACKER = "set_valued_tracker"
 TRACK_OUTPUT = "track_output"
 # The node that shows what the tracker does as markers.
 MARKERS = "markers"
+# The node that fuses the tracks of several radars.
+TRACK_FUSION = "track_fusion"
 
 Values = dict[str, dict[str, Any]]
 
@@ -57,6 +59,7 @@ def stage_tables() -> dict[str, type]:
 
 def known_tables() -> dict[str, type]:
     """Return the tables that a parameter file may hold: of the ring and the nodes beside it."""
+    from gda_tracker.fusion.parameters import TrackFusionParameters
     from gda_tracker.io.markers.parameters import MarkerParameters
     from gda_tracker.io.radar.input_parameters import RadarInputParameters
     from gda_tracker.io.track_output_parameters import TrackOutputParameters
@@ -68,6 +71,7 @@ def known_tables() -> dict[str, type]:
         TRACK_OUTPUT: TrackOutputParameters,
         MARKERS: MarkerParameters,
         SET_VALUED_TRACKER: SetValuedParameters,
+        TRACK_FUSION: TrackFusionParameters,
     }
 
 

@@ -46,7 +46,7 @@ def launch_description(
                     package="gda_tracker",
                     executable=node.executable,
                     name=node.executable,
-                    namespace=plan.namespace,
+                    namespace=plan.namespace if node.namespace is None else node.namespace,
                     parameters=node.parameters,
                     output="screen",
                     respawn=node.respawn,

@@ -391,9 +391,11 @@ def counted_names():
         r'\.drop\(f?"([^"{]+)"',
         r'leave_out\(.*"(\w+)"(?:, counts)?\)\n',
         r'\(\w+Error, "(\w+)"\)',
+        r'Refused\(\s*"(\w+)"',
+        r'_count\(counters, "(\w+)"',
     )
     found = set()
-    for folder in ("nodes", "tracking", "attributes", "io/radar"):
+    for folder in ("nodes", "tracking", "attributes", "fusion", "io/radar"):
         for path in (root / folder).rglob("*.py"):
             text = path.read_text()
             for pattern in patterns:
@@ -412,7 +414,7 @@ def test_every_counter_is_explained():
     made = {f"malformed_{topic}" for topic in inputs} | {"reset_gap", "reset_time_jump"}
     made |= {"tracked", "degraded", "gave_up", "statement_admitted", "dropped_statement_too_old"}
     made |= {"dropped_statement_gone_track", "dropped_statement_too_far_ahead"}
-    made |= {"incomplete", "overflow"}
+    made |= {"incomplete", "overflow", "refused_repeated", "refused_backwards"}
     assert set(EXPLANATIONS) - names - made == set()
     assert "required is that" in explanation("statement_rejected_bad_masses").meaning
     assert explanation("length_m_out_of_range").meaning.startswith("values of length_m")

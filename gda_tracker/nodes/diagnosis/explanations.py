@@ -310,6 +310,73 @@ EXPLANATIONS: dict[str, Explanation] = {
         "sets beyond max_sets: clutter starts too many tracks",
         "set_valued_tracker: a larger max_sets, or a smaller initial_speed_radius_mps",
     ),
+    # fusion of the tracks of several radars
+    "malformed_radar_tracks": _of(ERROR, "tracks of a radar that cannot be read", _VERSIONS),
+    "refused_repeated": _of(NOTE, "tracks of a radar that had come with the same stamp before"),
+    "refused_backwards": _of(
+        WARNING,
+        "tracks of a radar that are older than its last ones",
+        "ros2 topic info -v on its tracks: a second track_manager may publish there",
+    ),
+    "refused_too_old": _of(
+        WARNING,
+        "tracks far behind the last fusion: the radars' clocks differ, or one is very late",
+        "compare the clocks (age_s of each radar in /diagnostics), or raise silent_after_s",
+    ),
+    "refused_frame": _of(
+        ERROR,
+        "tracks in another frame than fusion_frame",
+        "start with alignment: tf or poses, or give all trackers the same tracking_frame",
+    ),
+    "refused_no_transform": _of(
+        WARNING,
+        "tracks for which /tf has no transform into fusion_frame at their time",
+        "ros2 topic echo /tf_static; is the frame of the tracks connected to fusion_frame?",
+    ),
+    "refused_tilted_frame": _of(
+        ERROR, "tracks in a frame that leans against fusion_frame, but tracks lie in the plane"
+    ),
+    "refused_too_many_tracks": _of(
+        ERROR,
+        "messages with more tracks than max_tracks_per_radar",
+        "gda-tracker params set confirmation_hits=4, or raise max_tracks_per_radar",
+    ),
+    "refused_state_size": _of(ERROR, "tracks whose states are not x, y, vx, vy", _VERSIONS),
+    "track_not_finite": _of(WARNING, "tracks of a radar with NaN, inf or beyond 1e9 m"),
+    "track_covariance_not_valid": _of(
+        WARNING, "tracks of a radar whose covariance is not positive definite"
+    ),
+    "track_id_twice": _of(WARNING, "tracks with the id of another one in the same message"),
+    "class_belief_not_valid": _of(
+        NOTE, "tracks whose class probabilities are not valid: they tell nothing of the class"
+    ),
+    "radar_restarted": _of(NOTE, "tracker of a radar started anew: its tracks are other ones"),
+    "radar_resumed": _of(NOTE, "tracker of a radar came back with the tracks that it had"),
+    "fusion_began_anew": _of(
+        WARNING,
+        "stamps of a radar went back by more than time_jump_s, so the fusion began anew (a bag "
+        "loops?)",
+        "play the bag without --loop",
+    ),
+    "biases_begun_anew": _of(
+        WARNING,
+        "other biases join more tracks than those that were learnt, which were dropped: a radar "
+        "was moved, or tracks had been joined wrongly",
+        "look at association_bias on track_associations; gda-tracker params set bias_memory_s=600",
+    ),
+    "track_noise_larger_than_told": _of(
+        NOTE,
+        "updates of tracks that grew less certain than their motion model says: the part that "
+        "would count negative is left out",
+        "track_process_noise_std_mps2 of track_fusion must be that of the trackers or less",
+    ),
+    "tracks_left_as_they_were": _of(
+        WARNING,
+        "fusions in which tracks were too many to associate anew, or no association was possible",
+        "raise max_associated_tracks, or give bias_std_m: known biases divide the problem",
+    ),
+    "fusion_failed": _of(ERROR, "tracks on which the fusion broke and began anew", _VERSIONS),
+    "fusion_without_message": _of(ERROR, "fusions that do not fit into a message", _VERSIONS),
     # source and evaluator
     "resent": _of(NOTE, "scans that the source sent again, since no answer came"),
     "statement_resent": _of(NOTE, "statements that the source sent again"),
