@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fusion_examples import CentralFilter
+from central_filter import CentralFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
