@@ -33,7 +33,7 @@ say := @printf '[setup] %s\n'
 pip := $(BIN)/python -m pip --quiet --quiet --no-input
 # $(call install,environment,arguments): uv takes a fraction of the time of pip. It knows nothing of
 # pip's settings (mirrors), so what it cannot install is left to pip.
-install = $(1)/bin/python -m uv --quiet pip install --python $(1)/bin/python $(2) || \
+install = $(1)/bin/python -m uv --quiet pip install --python $(1)/bin/python $(2) 2>/dev/null || \
 	$(1)/bin/python -m pip --quiet --quiet --no-input install $(2)
 install_uv = $(1)/bin/python -m pip --quiet --quiet --no-input install --requirement requirements/uv.txt
 

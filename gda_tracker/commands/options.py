@@ -36,7 +36,7 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
         "--params",
         type=Path,
         metavar="FILE",
-        help="parameters of the nodes, a ROS parameter YAML (see params/gda_tracker.yaml)",
+        help="parameters of the nodes, a ROS parameter YAML (see params/basic.yaml)",
     )
     parser.add_argument("--method", metavar="METHOD", help=METHOD_HELP)
 

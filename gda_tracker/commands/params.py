@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from gda_tracker.nodes.parameter_access import RunningNode
 
 REFUSED_EXIT_CODE = 1
+# Begins a file that may be written anew.
+SAVED = "# Parameters of a running tracker, saved by gda-tracker params save."
 
 Values = dict[str, dict[str, Any]]
 
@@ -283,8 +285,12 @@ def _record(node: str, item: Specification, value: Any) -> dict[str, Any]:
 
 
 def _save(path: Path, values: Values, complete: Values) -> None:
+    if path.exists() and not path.read_text(encoding="utf-8", errors="replace").startswith(SAVED):
+        raise UserError(
+            f"save {path}: there is a file that params save did not write; name another one"
+        )
     tables = {node: table for node, table in known_tables().items() if node in values}
-    text = "# Parameters of a running tracker, saved by gda-tracker params save.\n\n"
+    text = f"{SAVED}\n\n"
     if values == complete:
         text += parameter_yaml(tables, None, values)
     else:

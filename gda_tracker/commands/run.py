@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--input",
         metavar="TOPIC",
         help="topic of a radar's driver: PointCloud2, RadarScan or RadarTracks; or udp://HOST:PORT "
-        "where ASTERIX comes, a multicast group too; without it the topic detections is read",
+        "where ASTERIX comes, a multicast group too; default: input_topic of radar_input in --params, "
+        "without that the topic detections is read",
     )
     parser.add_argument(
         "--output",
@@ -121,14 +122,15 @@ def _parameters(args: argparse.Namespace) -> Parameters:
     from gda_tracker.parameters import from_mapping
 
     of_file = radar_input_of_file(args.params)
+    topic = args.input or (of_file or {}).get("input_topic")
     name = args.preset
-    if args.input and is_udp(args.input):
-        parse_udp(args.input)
+    if topic and is_udp(topic):
+        parse_udp(topic)
         if name is None and of_file is None:
             name = OF_FILES[ASTERIX]
-    if args.input and name is None and of_file is None:
-        name = _guessed_preset(args.input)
-        print(f"gda-tracker run: preset {name}, guessed from the fields of {args.input}")
+    if topic and name is None and of_file is None:
+        name = _guessed_preset(topic)
+        print(f"gda-tracker run: preset {name}, guessed from the fields of {topic}")
     preset = read_preset(name) if name else {}
     parameters = gather_parameters(args.params, args.method, preset, preset_is_base=True)
     of_output = {**(node_of_file(args.params, TRACK_OUTPUT) or {}), **{n: n for n in args.output}}
@@ -143,9 +145,9 @@ def _parameters(args: argparse.Namespace) -> Parameters:
         if frame is not None:
             of_sets.setdefault("tracking_frame", frame)
         parameters[SET_VALUED_TRACKER] = of_sets
-    if not args.input:
+    if not topic:
         return parameters
-    of_radar = {**preset.get(RADAR_INPUT, {}), **(of_file or {}), "input_topic": args.input}
+    of_radar = {**preset.get(RADAR_INPUT, {}), **(of_file or {}), "input_topic": topic}
     if frame is not None:
         of_radar.setdefault("tracking_frame", frame)
     from_mapping(RadarInputParameters, of_radar)

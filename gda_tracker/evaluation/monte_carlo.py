@@ -32,7 +32,7 @@ from gda_tracker.evaluation.runs import (
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.scenarios import Scenario
 
-DEFAULT_METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "map/bayes/cv")
+DEFAULT_METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "map/bayes/cv", "default")
 # How soon Ctrl-C is heard while all workers are busy [s].
 INTERRUPT_CHECK_S = 0.2
 LONGEST_CHUNK = 5

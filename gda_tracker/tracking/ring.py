@@ -69,7 +69,7 @@ class RingResult:
     associations: Associations | None = None
     delayed: tuple[Tracks, ...] = ()
     assigned: Int32Array | None = None
-    stage_s: dict[str, float] = field(default_factory=dict)
+    stage_s: dict[str, float] = field(default_factory=dict, compare=False)
 
 
 @dataclass(frozen=True, slots=True)

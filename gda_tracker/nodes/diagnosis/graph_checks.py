@@ -247,7 +247,10 @@ def _where_else(seen: Observation, topic: str) -> str:
         return (
             f"gda-tracker run --input {(others or radar)[0]} (there are {_listed(others or radar)})"
         )
-    return f"start the driver; ros2 topic list -t shows what is there, ros2 topic info -v {topic}"
+    return (
+        "start the driver: nobody publishes a radar's type in this domain (with a ROS installation "
+        f"ros2 topic list -t shows all topics, ros2 topic info -v {topic} this one)"
+    )
 
 
 def _input_types(seen: Observation) -> Iterator[Finding]:
