@@ -84,8 +84,8 @@ class TrackEventDetector:
         Raises
         ------
         TracksRejected
-            ``older_epoch``, ``time_backwards``, ``other_frame``, ``state_too_small`` or
-            ``duplicate_track_id``; nothing is changed.
+            ``older_epoch``, ``tracks_time_backwards``, ``tracks_other_frame``,
+            ``tracks_state_too_small`` or ``tracks_duplicate_track_id``; nothing is changed.
         """
         self._check(tracks)
         key = tracks.key
@@ -115,29 +115,34 @@ class TrackEventDetector:
             raise TracksRejected("older_epoch")
         same = (key.epoch, tracks.system_uuid) == (self._epoch, self._system_uuid)
         if same and key.stamp_ns < self._last_ns:
-            raise TracksRejected("time_backwards", f"{key.stamp_ns} ns after {self._last_ns} ns")
+            raise TracksRejected(
+                "tracks_time_backwards", f"{key.stamp_ns} ns after {self._last_ns} ns"
+            )
         wanted = self.context.frame_id
         if wanted and tracks.frame_id != wanted:
             raise TracksRejected(
-                "other_frame", f"tracks in {tracks.frame_id!r}, lanes and plans in {wanted!r}"
+                "tracks_other_frame",
+                f"tracks in {tracks.frame_id!r}, lanes and plans in {wanted!r}",
             )
         if len(tracks) and tracks.mean.shape[1] < _SIZE:
-            raise TracksRejected("state_too_small", f"{tracks.mean.shape[1]} components")
+            raise TracksRejected("tracks_state_too_small", f"{tracks.mean.shape[1]} components")
         if len(np.unique(tracks.track_id)) != len(tracks):
-            raise TracksRejected("duplicate_track_id")
+            raise TracksRejected("tracks_duplicate_track_id")
 
     def _states(self, tracks: Tracks) -> tuple[States, BoolArray]:
         """States that can be tested, by rising id, and which of them are confirmed."""
         mean = tracks.mean[:, :_SIZE]
         covariance = tracks.covariance[:, :_SIZE, :_SIZE]
         with np.errstate(invalid="ignore"):
-            small = np.abs(np.concatenate([mean, covariance.reshape(len(mean), -1)], axis=1))
+            small = np.abs(
+                np.concatenate([mean, covariance.reshape(len(mean), _SIZE * _SIZE)], axis=1)
+            )
             numbers = np.asarray((small < LARGEST_NUMBER).all(axis=1), dtype=bool)
         covariance = np.where(numbers[:, None, None], covariance, np.eye(_SIZE))
         covariance = (covariance + covariance.swapaxes(1, 2)) / 2.0
         definite = _positive_definite(covariance)
-        self._count("not_finite", ~numbers)
-        self._count("bad_covariance", numbers & ~definite)
+        self._count("track_not_finite", ~numbers)
+        self._count("track_bad_covariance", numbers & ~definite)
         good = np.flatnonzero(numbers & definite)
         good = good[np.argsort(tracks.track_id[good])]
         detected = tracks.detection_index[good] >= 0
