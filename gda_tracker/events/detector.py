@@ -141,8 +141,8 @@ class TrackEventDetector:
         covariance = np.where(numbers[:, None, None], covariance, np.eye(_SIZE))
         covariance = (covariance + covariance.swapaxes(1, 2)) / 2.0
         definite = _positive_definite(covariance)
-        self._count("track_not_finite", ~numbers)
-        self._count("track_bad_covariance", numbers & ~definite)
+        self._leave_out(~numbers, "track_not_finite")
+        self._leave_out(numbers & ~definite, "track_bad_covariance")
         good = np.flatnonzero(numbers & definite)
         good = good[np.argsort(tracks.track_id[good])]
         detected = tracks.detection_index[good] >= 0
@@ -157,7 +157,7 @@ class TrackEventDetector:
         )
         return states, tracks.status[good] == CONFIRMED
 
-    def _count(self, reason: str, which: BoolArray) -> None:
+    def _leave_out(self, which: BoolArray, reason: str) -> None:
         if which.any():
             self.counters[reason] += int(which.sum())
 
