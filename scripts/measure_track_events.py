@@ -142,7 +142,8 @@ def tables(found: dict[str, Any]) -> str:
         f"state of a test to its decision:\n\n{markdown(designs[0], designs[1:])}\n\n"
         "The lane test by the margin between its hypotheses:\n\n"
         f"{markdown(margins[0], margins[1:])}\n\n"
-        f"The lane test by `independence_factor`, with a margin of {FACTOR_MARGIN_M:g} m:\n\n{markdown(factors[0], factors[1:])}"
+        f"The lane test by `independence_factor`, with a margin of {FACTOR_MARGIN_M:g} m:\n\n"
+        f"{markdown(factors[0], factors[1:])}"
     )
 
 
