@@ -141,8 +141,8 @@ class TrackEventDetector:
         covariance = np.where(numbers[:, None, None], covariance, np.eye(_SIZE))
         covariance = (covariance + covariance.swapaxes(1, 2)) / 2.0
         definite = _positive_definite(covariance)
-        self._leave_out(~numbers, "track_not_finite")
-        self._leave_out(numbers & ~definite, "track_bad_covariance")
+        self._leave_out(~numbers, "event_track_not_finite")
+        self._leave_out(numbers & ~definite, "event_track_bad_covariance")
         good = np.flatnonzero(numbers & definite)
         good = good[np.argsort(tracks.track_id[good])]
         detected = tracks.detection_index[good] >= 0

@@ -17,8 +17,8 @@ from gda_tracker.io.parameter_files import (
     MARKERS,
     RADAR_INPUT,
     SET_VALUED_TRACKER,
-    TRACK_FUSION,
     TRACK_EVENTS,
+    TRACK_FUSION,
     TRACK_OUTPUT,
     read_parameter_file,
 )

@@ -219,8 +219,8 @@ def test_a_broken_track_is_left_out_and_counted_and_the_others_go_on():
         covariance[3] = -COVARIANCE
         scans.append(tracks(STEP_S * k, [1, 2, 3, 4], mean, covariance=covariance))
     assert happenings(tested, scans) == expected
-    assert tested.counters["track_not_finite"] == 2 * len(states)
-    assert tested.counters["track_bad_covariance"] == len(states)
+    assert tested.counters["event_track_not_finite"] == 2 * len(states)
+    assert tested.counters["event_track_bad_covariance"] == len(states)
 
 
 @pytest.mark.filterwarnings("error")
@@ -231,7 +231,7 @@ def test_extreme_tracks_neither_warn_nor_fail(size):
     tested = detector(EventContext("map", (LANE,), (plan(),)))
     for k in range(20):
         tested.take(tracks(1e7 * k, [1, 2], mean, covariance=covariance))
-    assert "track_not_finite" not in tested.counters
+    assert "event_track_not_finite" not in tested.counters
 
 
 def test_a_new_epoch_forgets_everything():

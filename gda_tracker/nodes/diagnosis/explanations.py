@@ -399,10 +399,10 @@ EXPLANATIONS: dict[str, Explanation] = {
     "tracks_duplicate_track_id": _of(
         ERROR, "messages in which a track stands twice: they are not tested for events", _VERSIONS
     ),
-    "track_not_finite": _of(
+    "event_track_not_finite": _of(
         WARNING, "tracks not tested for events: state or covariance is no number", _VERSIONS
     ),
-    "track_bad_covariance": _of(
+    "event_track_bad_covariance": _of(
         WARNING, "tracks not tested for events: covariance not positive definite", _VERSIONS
     ),
     "began_anew": _of("", "times that all tests of track_events began anew with the tracker"),
