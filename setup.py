@@ -22,6 +22,7 @@ NODES = (
     "markers",
     "set_valued_tracker",
     "track_fusion",
+    "track_events",
 )
 
 

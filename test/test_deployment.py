@@ -156,6 +156,34 @@ def test_run_gives_the_markers_their_parameters(tmp_path):
     assert run._what(found) == "four nodes and the markers"
 
 
+def test_events_are_started_with_their_file_which_is_read_first(tmp_path):
+    file = tmp_path / "lanes.yaml"
+    file.write_text("lanes: []\n")
+    parser = argparse.ArgumentParser()
+    run.add_arguments(parser)
+    assert "track_events" not in run._parameters(parser.parse_args([]))
+    assert run._parameters(parser.parse_args(["--events"]))["track_events"] == {}
+    found = run._parameters(parser.parse_args(["--events", str(file)]))
+    assert found["track_events"] == {"context_file": str(file)}
+    assert run._what(found) == "four nodes and the events"
+    values = {a.name: a.default for a in TRACKER_ARGUMENTS}
+    for given, own, words in (
+        ("true", {}, ["--events"]),
+        (str(file), {"context_file": str(file)}, ["--events", str(file)]),
+    ):
+        node = tracker_plan({**values, "events": given}, {}).nodes[-1]
+        assert node.executable == "track_events"
+        assert {k: v for k, v in node.parameters[-1].items() if k in ("context_file",)} == own
+        (one,) = tracker_plan({**values, "events": given, "processes": "one"}, {}).programs
+        assert one[-len(words) :] == words
+    assert "track_events" not in {n.executable for n in tracker_plan(values, {}).nodes}
+    file.write_text("lanes: 5\n")
+    with pytest.raises(UserError, match="lanes = 5: allowed is a list"):
+        run._parameters(parser.parse_args(["--events", str(file)]))
+    with pytest.raises(UserError, match="lanes = 5: allowed is a list"):
+        tracker_plan({**values, "events": str(file)}, {})
+
+
 @pytest.mark.parametrize(
     ("values", "text"),
     [

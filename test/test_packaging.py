@@ -29,6 +29,7 @@ NODES = (
     "rcs_fuzzifier",
     "recorder",
     "scan_source",
+    "track_events",
     "track_fusion",
     "track_manager",
     "track_output",

@@ -20,6 +20,8 @@ MARKERS = "markers"
 SET_VALUED_TRACKER = "set_valued_tracker"
 # Node that fuses the tracks of several radars.
 TRACK_FUSION = "track_fusion"
+# Node that says what tracks do.
+TRACK_EVENTS = "track_events"
 
 Parameters = dict[str, dict[str, Any]]
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gda_tracker.commands.options import RADAR_INPUT
 from gda_tracker.errors import UserError
 from gda_tracker.io.parameter_files import (
     check_parameters,
@@ -20,6 +21,7 @@ from gda_tracker.io.parameter_files import (
     yaml_value,
 )
 from gda_tracker.parameters import ParameterError, Specification, from_mapping, specifications
+from gda_tracker.tracking.ring import STAGE_TABLES
 
 if TYPE_CHECKING:
     from gda_tracker.nodes.inquirer import Inquirer
@@ -40,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         metavar="NAME | NAME=VALUE | FILE",
         help="get: names; set: name=value, several at once; save: the file. A name that several "
-        "nodes have is written node.name",
+        "nodes have is written node.name; else it is that of the tracker, not of a node beside it",
     )
     parser.add_argument("--node", metavar="NAME", help="this node only")
     parser.add_argument(
@@ -131,6 +133,8 @@ def _declared(name: str, node: str | None, known: Any = None) -> tuple[str, Spec
     if node is not None and node not in tables:
         raise UserError(f"node {node}: unknown; known are {', '.join(tables)}")
     owners = [n for n, items in tables.items() if name in items and node in (None, n)]
+    # The tracker itself before what may run beside it.
+    owners = [n for n in owners if n in STAGE_TABLES or n == RADAR_INPUT] or owners
     if not owners:
         every = {n: None for m, items in tables.items() if node in (None, m) for n in items}
         import difflib

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
 
 from gda_tracker.commands.options import (
     MARKERS,
     RADAR_INPUT,
     SET_VALUED_TRACKER,
+    TRACK_EVENTS,
     TRACK_OUTPUT,
     Parameters,
     add_parameter_options,
@@ -37,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--input",
         metavar="TOPIC",
         help="topic of a radar's driver: PointCloud2, RadarScan or RadarTracks; or udp://HOST:PORT "
-        "where ASTERIX comes, a multicast group too; default: input_topic of radar_input in --params, "
-        "without that the topic detections is read",
+        "where ASTERIX comes, a multicast group too; default: input_topic of radar_input in "
+        "--params; without that the topic detections is read",
     )
     parser.add_argument(
         "--output",
@@ -62,6 +64,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="run the node set_valued_tracker on the same detections too: sets of estimates on "
         "track_sets, associations that cannot be rejected stay open (docs/set-valued-tracking.md)",
+    )
+    parser.add_argument(
+        "--events",
+        nargs="?",
+        const="",
+        metavar="FILE",
+        help="say on track_events what tracks do: stop, accelerate, split off, and with FILE "
+        "(lanes and plans, see params/context_example.yaml) leave their lane or plan "
+        "(docs/track-events.md)",
     )
     add_preset_option(parser)
     add_parameter_options(parser)
@@ -145,6 +156,8 @@ def _parameters(args: argparse.Namespace) -> Parameters:
         if frame is not None:
             of_sets.setdefault("tracking_frame", frame)
         parameters[SET_VALUED_TRACKER] = of_sets
+    if args.events is not None:
+        parameters[TRACK_EVENTS] = _of_events(args)
     if not topic:
         return parameters
     of_radar = {**preset.get(RADAR_INPUT, {}), **(of_file or {}), "input_topic": topic}
@@ -152,6 +165,21 @@ def _parameters(args: argparse.Namespace) -> Parameters:
         of_radar.setdefault("tracking_frame", frame)
     from_mapping(RadarInputParameters, of_radar)
     return {**parameters, RADAR_INPUT: of_radar}
+
+
+def _of_events(args: argparse.Namespace) -> dict[str, object]:
+    """Parameters of the events; the file of lanes and plans is read now, to say what is wrong."""
+    from gda_tracker.events.parameters import EventParameters
+    from gda_tracker.io.context_files import read_context_file
+    from gda_tracker.parameters import from_mapping
+
+    given = dict(node_of_file(args.params, TRACK_EVENTS) or {})
+    if args.events:
+        given["context_file"] = str(Path(args.events).expanduser().resolve())
+    table = from_mapping(EventParameters, given)
+    if table.context_file:
+        read_context_file(table.context_file)
+    return given
 
 
 def _guessed_preset(topic: str) -> str:
@@ -207,6 +235,10 @@ def _beside_the_ring(parameters: Parameters, **options: object) -> list[object]:
         from gda_tracker.nodes.set_valued_tracker import SetValuedTrackerNode
 
         found.append(SetValuedTrackerNode(parameters[SET_VALUED_TRACKER], **options))
+    if TRACK_EVENTS in parameters:
+        from gda_tracker.nodes.track_events import TrackEventsNode
+
+        found.append(TrackEventsNode(parameters[TRACK_EVENTS], **options))
     return found
 
 
@@ -216,6 +248,7 @@ def _what(parameters: Parameters) -> str:
         TRACK_OUTPUT: "the track output",
         MARKERS: "the markers",
         SET_VALUED_TRACKER: "the set-valued tracker",
+        TRACK_EVENTS: "the events",
     }
     return " and ".join(
         ["four nodes", *(text for node, text in names.items() if node in parameters)]
@@ -265,7 +298,7 @@ def _run_processes(parameters: Parameters, remap: list[str], bag: str | None) ->
             )
             ring.start(stage)
 
-    possible = (RADAR_INPUT, TRACK_OUTPUT, MARKERS, SET_VALUED_TRACKER)
+    possible = (RADAR_INPUT, TRACK_OUTPUT, MARKERS, SET_VALUED_TRACKER, TRACK_EVENTS)
     beside = [node for node in possible if node in parameters]
     stages = (*STAGES, *beside)
     with RingProcesses(parameters, arguments=remap, stages=stages) as ring:

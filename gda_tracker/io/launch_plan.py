@@ -17,6 +17,7 @@ from gda_tracker.io.parameter_files import (
     MARKERS,
     RADAR_INPUT,
     SET_VALUED_TRACKER,
+    TRACK_EVENTS,
     TRACK_FUSION,
     TRACK_OUTPUT,
     read_parameter_file,
@@ -78,6 +79,9 @@ TRACKER_ARGUMENTS = (
     Argument("rviz", "false", "true: start RViz too, and the node markers for it"),
     Argument("markers", "false", "true: start the node markers, and record them with record"),
     Argument("set_valued", "false", "true: start the node set_valued_tracker too"),
+    Argument(
+        "events", "", "file of lanes and plans, or true without one: start the node track_events"
+    ),
     Argument("autostart", "true", "false: nodes wait for their lifecycle transitions"),
     Argument("processes", "four", "four: one process per node; one: all nodes in one process"),
 )
@@ -140,6 +144,8 @@ def tracker_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> P
             nodes[MARKERS] = {}
         if sets:
             nodes[SET_VALUED_TRACKER] = {}
+        if _events_wanted(values):
+            nodes[TRACK_EVENTS] = _context_file(values)
         plan.nodes += [NodePlan(node, [*files, {**own, **common}]) for node, own in nodes.items()]
         _record(plan, values["record"], outputs, markers)
     else:
@@ -298,6 +304,21 @@ def _record(plan: Plan, folder: str, outputs: list[str], markers: bool = False) 
         plan.nodes.append(NodePlan("recorder", [own], respawn=False))
 
 
+def _events_wanted(values: Mapping[str, str]) -> bool:
+    return values["events"] not in ("", "false", "0")
+
+
+def _context_file(values: Mapping[str, str]) -> dict[str, str]:
+    """Parameters of node track_events; the file is read now, to say what is wrong with it."""
+    from gda_tracker.io.context_files import read_context_file
+
+    if SWITCHES.get(values["events"]):
+        return {}
+    path = os.path.abspath(Path(values["events"]).expanduser())
+    read_context_file(path)
+    return {"context_file": path}
+
+
 def _run_command(
     values: Mapping[str, str], outputs: list[str], sim_time: bool, markers: bool, sets: bool
 ) -> list[str]:
@@ -313,5 +334,7 @@ def _run_command(
             command += [option, values[name]]
     for name in outputs:
         command += ["--output", name]
+    if _events_wanted(values):
+        command += ["--events", *_context_file(values).values()]
     switches = {"--use-sim-time": sim_time, "--markers": markers, "--set-valued": sets}
     return [*command, *(option for option, given in switches.items() if given)]

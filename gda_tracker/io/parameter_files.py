@@ -42,6 +42,8 @@ TRACK_OUTPUT = "track_output"
 MARKERS = "markers"
 # The node that fuses the tracks of several radars.
 TRACK_FUSION = "track_fusion"
+# The node that says what tracks do: leave their lane, stop, split off.
+TRACK_EVENTS = "track_events"
 
 Values = dict[str, dict[str, Any]]
 
@@ -59,6 +61,7 @@ def stage_tables() -> dict[str, type]:
 
 def known_tables() -> dict[str, type]:
     """Return the tables that a parameter file may hold: of the ring and the nodes beside it."""
+    from gda_tracker.events.parameters import EventParameters
     from gda_tracker.fusion.parameters import TrackFusionParameters
     from gda_tracker.io.markers.parameters import MarkerParameters
     from gda_tracker.io.radar.input_parameters import RadarInputParameters
@@ -72,6 +75,7 @@ def known_tables() -> dict[str, type]:
         MARKERS: MarkerParameters,
         SET_VALUED_TRACKER: SetValuedParameters,
         TRACK_FUSION: TrackFusionParameters,
+        TRACK_EVENTS: EventParameters,
     }
 
 

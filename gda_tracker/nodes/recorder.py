@@ -36,6 +36,7 @@ TOPICS: dict[str, tuple[type, QoSProfile]] = {
     "tracks_delayed": (msg.TrackArray, stream(1000)),
     "track_sets": (msg.TrackSetArray, stream(1000)),
     "track_set_markers": (MarkerArray, stream(100)),
+    "track_events": (msg.TrackEventArray, stream(1000)),
     "scan_reports": (msg.ScanReport, stream(1000)),
     "/diagnostics": (DiagnosticArray, stream(100)),
 }

@@ -393,9 +393,10 @@ def counted_names():
         r'\(\w+Error, "(\w+)"\)',
         r'Refused\(\s*"(\w+)"',
         r'_count\(counters, "(\w+)"',
+        r'TracksRejected\(\s*"(\w+)"',
     )
     found = set()
-    for folder in ("nodes", "tracking", "attributes", "fusion", "io/radar"):
+    for folder in ("nodes", "tracking", "attributes", "events", "fusion", "io/radar"):
         for path in (root / folder).rglob("*.py"):
             text = path.read_text()
             for pattern in patterns:

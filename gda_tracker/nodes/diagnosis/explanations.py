@@ -385,6 +385,28 @@ EXPLANATIONS: dict[str, Explanation] = {
     "not_drawn": _of(
         WARNING, "messages with tracks that are not shown: their state is not finite", _VERSIONS
     ),
+    "tracks_time_backwards": _of(
+        ERROR,
+        "tracks older than the last ones: they are not tested for events",
+        "two trackers on one topic? gda-tracker doctor",
+    ),
+    "tracks_other_frame": _of(
+        ERROR,
+        "tracks in another frame than the lanes and plans of track_events",
+        "frame_id in the context_file must be the tracking_frame of the track_manager",
+    ),
+    "tracks_state_too_small": _of(ERROR, "tracks without position and velocity", _VERSIONS),
+    "tracks_duplicate_track_id": _of(
+        ERROR, "messages in which a track stands twice: they are not tested for events", _VERSIONS
+    ),
+    "event_track_not_finite": _of(
+        WARNING, "tracks not tested for events: state or covariance is no number", _VERSIONS
+    ),
+    "event_track_bad_covariance": _of(
+        WARNING, "tracks not tested for events: covariance not positive definite", _VERSIONS
+    ),
+    "began_anew": _of("", "times that all tests of track_events began anew with the tracker"),
+    "passed_over_a_lane": _of("", "tracks that crossed a lane without having kept to it"),
     "malformed_truth": _of(ERROR, "truth that the evaluator cannot read", _VERSIONS),
 }
 
@@ -438,4 +460,6 @@ def explanation(counter: str) -> Explanation | None:
             f"values of {name} that count as unknown",
             "compare rcs_min_m2 and rcs_max_m2, or attribute_minimum and attribute_maximum",
         )
+    if counter.startswith("event "):
+        return Explanation("", f"events of kind {counter.removeprefix('event ')}")
     return Explanation("", "messages in the bag") if counter.startswith(RECORDED) else None
