@@ -27,7 +27,7 @@ from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import load_scenario
 from gda_tracker.tracking.ring import STAGE_TABLES, Ring
 
-LAUNCH = Path(__file__).resolve().parent.parent / "launch"
+LAUNCH = Path(__file__).resolve().parents[2] / "launch"
 NUMBERS = (
     "float32",
     "float64",
