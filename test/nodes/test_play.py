@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
-from live_helpers import call, spinning
+from live_helpers import call, spinning_on
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -95,9 +95,12 @@ def stamp_of(data):
 
 
 def test_all_messages_arrive_in_order_and_as_they_are(domain, bag, capfd):
-    with spinning(lambda **o: [Listener(**o)], domain) as nodes:
-        assert call("play", bag, "--rate", "5") == 0
+    with Nodes(lambda **o: [Listener(**o)], domain) as nodes:
         heard = nodes.nodes[0].heard
+        with spinning_on(nodes):
+            assert call("play", bag, "--rate", "5") == 0
+        # What has arrived but was not taken yet.
+        nodes.spin_until(lambda: len(heard[POINTS]) == len(heard[WORDS]) == SCANS, WAIT_S)
     assert heard[POINTS] == [cloud(number) for number in range(SCANS)]
     words = [deserialize_message(data, String).data for data in heard[WORDS]]
     assert words == [f"scan {number}" for number in range(SCANS)]
