@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from gda_tracker import __version__
 from gda_tracker.errors import UserError
+from gda_tracker.termination import INTERRUPTED, TERMINATED, terminated_as_interrupted
 from gda_tracker.threads import one_thread_of_linear_algebra
 
 
@@ -112,10 +113,30 @@ COMMANDS = {
         "gda_tracker.commands.record",
         "record all topics of the tracker into an MCAP bag",
         """
-        Records until Ctrl-C. The bag plays with `ros2 bag play` and `gda-tracker replay`.
+        Records until Ctrl-C (or SIGTERM, as docker stop and systemd send it). The bag plays with
+        `gda-tracker play`, `gda-tracker replay` and `ros2 bag play`.
 
         example:
           gda-tracker record my_bag
+        """,
+    ),
+    "play": Command(
+        "gda_tracker.commands.play",
+        "play the messages of a bag on their topics, as a radar would send them",
+        """
+        Publishes the messages of any bag, as they are, at the pace at which they were recorded: a
+        rehearsal of run --input without the radar. Qualities of service are those of the
+        recording, static transforms are latched. Topics whose type is not installed here are named
+        and left out. (replay is for tracking a recording without losing a scan.)
+
+          --restamp    live tools, such as doctor, want the time of today; with --loop the tracker
+                       needs stamps that go on, too
+          --topic      of a bag that record made, play the inputs alone: a tracker that runs
+                       publishes the others itself
+
+        examples:
+          gda-tracker play bags/walk --loop --restamp
+          gda-tracker play my_bag --rate 2 --topic /radar/points /tf_static --clock
         """,
     ),
     "say": Command(
@@ -357,11 +378,20 @@ def build_parser(command: str | None = None) -> argparse.ArgumentParser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; return the exit code (2: wrong arguments or parameters)."""
+    """Run the command line; return the exit code (2: wrong arguments or parameters).
+
+    SIGTERM ends a command as Ctrl-C does; where that is status 130, it is 143.
+    """
     one_thread_of_linear_algebra()
     arguments = sys.argv[1:] if arguments is None else arguments
     named = next((word for word in arguments if not word.startswith("-")), None)
     args = build_parser(named).parse_args(arguments)
+    with terminated_as_interrupted() as terminated:
+        code = _run(args)
+    return TERMINATED if terminated and code == INTERRUPTED else code
+
+
+def _run(args: argparse.Namespace) -> int:
     try:
         return int(importlib.import_module(COMMANDS[args.command].module).run(args) or 0)
     except (UserError, OSError, ImportError) as error:
@@ -370,7 +400,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt:
         print(f"gda-tracker {args.command}: stopped", file=sys.stderr)
-        return 130
+        return INTERRUPTED
 
 
 if __name__ == "__main__":

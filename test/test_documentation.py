@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from gda_tracker.cli import main
+from gda_tracker.cli import build_parser, main
 from gda_tracker.commands import replay_sections
+from gda_tracker.io.bags import Bag
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -181,6 +182,24 @@ def test_commands_of_a_page_run_and_print_what_it_says(page, tmp_path, monkeypat
     assert shown
     for report in tmp_path.glob("*.html"):
         assert "How this was made" in report.read_text(encoding="utf-8")
+    # Bags that are played in place of a radar have the topics that the live commands read.
+    live = "".join(text for _, text, mark in blocks(page) if mark == "live")
+    for name in re.findall(r"^gda-tracker play (\S+)", live, re.MULTILINE):
+        assert set(Bag(tmp_path / name).topics) & set(re.findall(r"--input (\S+)", live))
+
+
+@pytest.mark.parametrize("page", sorted(path.name for path in DOCS.glob("radar-*.md")))
+def test_live_commands_of_a_page_have_arguments_that_exist(page):
+    lines = [
+        shlex.split(line, comments=True)
+        for kind, text, mark in blocks(page)
+        if kind == "sh" and mark == "live"
+        for line in text.splitlines()
+    ]
+    assert lines
+    for program, *arguments in lines:
+        if program == "gda-tracker":
+            build_parser(arguments[0]).parse_args(arguments)
 
 
 # --- how to add something -------------------------------------------------------------------------

@@ -15,7 +15,6 @@ from gda_tracker.evaluation.processes import (
     available_cores,
     garbage_left,
     interrupt_held,
-    interrupt_noted,
     one_thread_per_worker,
     start_worker,
 )
@@ -31,6 +30,7 @@ from gda_tracker.evaluation.runs import (
 )
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.termination import interrupt_noted
 
 DEFAULT_METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "map/bayes/cv", "default")
 # How soon Ctrl-C is heard while all workers are busy [s].

@@ -35,23 +35,6 @@ def garbage_left() -> Iterator[None]:
 
 
 @contextmanager
-def interrupt_noted() -> Iterator[list[bool]]:
-    """Note Ctrl-C in the list instead of raising at once, for places where it can be handled.
-
-    Raised anywhere, it may leave a lock of the futures taken, and the pool waits for it for ever.
-    """
-    noted: list[bool] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield noted  # signals are the main thread's
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: noted.append(True))
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
 def interrupt_held() -> Iterator[None]:
     """Hold Ctrl-C back for a moment; a process that starts meanwhile leaves it to its parent.
 

@@ -150,6 +150,13 @@ class Bag:
             if self._wanted(row.topic, topics):
                 yield self._record(row.topic, row.type_name, row.stamp_ns, row.data)
 
+    def type_hash(self, topic: str) -> str:
+        """Return the RIHS01 hash of the type in which the messages of a topic come, or nothing."""
+        try:
+            return str(self._store.hash_rihs01(self.topics[topic].type))
+        except KeyError:
+            return ""  # the bag does not bring all of the definition
+
     def _record(self, topic: str, kind: str, stamp_ns: int, data: bytes) -> BagRecord:
         if topic in self._upgrades:
             from rosbags.serde import SerdeError

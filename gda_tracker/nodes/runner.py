@@ -22,6 +22,7 @@ from rclpy.context import Context
 from gda_tracker.errors import UserError
 from gda_tracker.nodes.executor import LeanExecutor
 from gda_tracker.resources import resource
+from gda_tracker.termination import interrupt_noted
 
 STAGES = ("track_manager", "rcs_fuzzifier", "attribute_fusion", "association")
 STOP_TIMEOUT_S = 5.0
@@ -238,25 +239,33 @@ class Nodes:
     ) -> bool:
         """Spin until ``done``; return whether it came before the time-out.
 
-        ``watch`` is called a few times a second, e.g. to show progress or to raise.
+        ``watch`` is called a few times a second, e.g. to show progress or to raise. Ctrl-C comes
+        between callbacks: in one it might leave half a message in a bag.
         """
         deadline = None if timeout_s is None else time.monotonic() + timeout_s
         next_watch = 0.0
-        while not done():
-            now = time.monotonic()
-            if deadline is not None and now > deadline:
-                return False
-            if watch is not None and now >= next_watch:
-                next_watch = now + 0.2
-                watch()
-            self.executor.spin_once(timeout_sec=0.1)
+        with interrupt_noted() as interrupted:
+            while not done():
+                if interrupted:
+                    raise KeyboardInterrupt
+                now = time.monotonic()
+                if deadline is not None and now > deadline:
+                    return False
+                if watch is not None and now >= next_watch:
+                    next_watch = now + 0.2
+                    watch()
+                self.executor.spin_once(timeout_sec=0.1)
+            if interrupted:
+                raise KeyboardInterrupt
         return True
 
     def __exit__(self, *_: object) -> None:
-        for node in self.nodes:
-            close = getattr(node, "close", None)
-            if close is not None:
-                close()
+        # What is closed here is closed to its end, also where ``timeout`` interrupts twice.
+        with interrupt_noted():
+            for node in self.nodes:
+                close = getattr(node, "close", None)
+                if close is not None:
+                    close()
         self.executor.shutdown()
         for node in self.nodes:
             node.destroy_node()

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gda_tracker.errors import UserError
-from gda_tracker.evaluation.processes import interrupt_noted
+from gda_tracker.termination import interrupt_noted
 from gda_tracker.tuning.cases import Case, fingerprint
 from gda_tracker.tuning.objectives import Objective, values_of
 from gda_tracker.tuning.scores import CaseScore, measures

@@ -8,9 +8,10 @@ import sys
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from graph_bench import Client
 from graph_helpers import TIMEOUT_S, differences, offline, play, scenario_plays
 
-from gda_tracker.io.bags import read_bag
+from gda_tracker.io.bags import Bag, read_bag
 from gda_tracker.nodes.runner import Nodes, parameter_file
 from gda_tracker.nodes.scan_source import ScanSourceNode
 
@@ -32,9 +33,9 @@ def start(environment, *arguments):
     return process
 
 
-def stop(process):
-    """Press Ctrl-C; return what it said."""
-    process.send_signal(signal.SIGINT)
+def stop(process, number=signal.SIGINT):
+    """Press Ctrl-C, or send another signal; return what it said."""
+    process.send_signal(number)
     try:
         out, err = process.communicate(timeout=30)
     finally:
@@ -45,8 +46,10 @@ def stop(process):
     return out
 
 
-@pytest.mark.parametrize("mode", [[], ["--processes"]])
-def test_run_live_in_a_namespace_with_a_parameter_file(mode, environment, tmp_path):
+@pytest.mark.parametrize(
+    ("mode", "number"), [([], signal.SIGINT), (["--processes"], signal.SIGTERM)]
+)
+def test_run_live_in_a_namespace_with_a_parameter_file(mode, number, environment, tmp_path):
     plays, parameters = scenario_plays("crossing_targets", METHOD)
     path = parameter_file(parameters, tmp_path)
     bag, recorded = tmp_path / "bag", tmp_path / "recorded"
@@ -76,11 +79,41 @@ def test_run_live_in_a_namespace_with_a_parameter_file(mode, environment, tmp_pa
             assert nodes.spin_until(lambda: complete == {str(bag), str(recorded)}, TIMEOUT_S)
         assert differences(played.tracks, offline(plays, parameters)) == []
     finally:
-        said = [stop(record), stop(run)]
+        said = [stop(record, number), stop(run, signal.SIGTERM)]
     assert "messages in" in said[0]
     for folder in (bag, recorded):
+        # It was closed: it has its index and its metadata.
+        assert (folder / "metadata.yaml").exists()
+        assert Bag(folder).damage == ""
         topics = {record.topic for record in read_bag(folder)}
         assert set(LATCHED) <= topics
+
+
+def test_replay_that_is_terminated_closes_its_bag(environment, tmp_path):
+    bag, log = tmp_path / "bag", tmp_path / "log.txt"
+    with log.open("w") as said:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "gda_tracker.cli", "replay", "crossing_targets", "--rate", "1"]
+            + ["--bag", str(bag), "--domain", environment["ROS_DOMAIN_ID"]],
+            env=environment,
+            stdout=said,
+            stderr=said,
+        )
+        try:
+            with Nodes(lambda **o: [Client(**o)], int(environment["ROS_DOMAIN_ID"])) as nodes:
+                client = nodes.nodes[0]
+                assert nodes.spin_until(
+                    lambda: client.value("recorder", "recorded /scans") is not None, TIMEOUT_S
+                ), log.read_text()
+            process.terminate()
+            process.wait(30)
+        finally:
+            process.kill()
+            process.wait(30)
+    assert process.returncode == 143, log.read_text()
+    assert "Traceback" not in log.read_text()
+    assert Bag(bag).damage == ""
+    assert Bag(bag).topics["/scans"].message_count > 0
 
 
 def test_run_refuses_a_wrong_method(environment):
