@@ -188,11 +188,13 @@ def _counts(recorder: Any) -> dict[str, int]:
 
 def _unmatched(source: Any, recorder: Any, evaluator: Any) -> list[str]:
     """Links that are not up yet: nodes of the ring that are not heard, or do not hear."""
+    from gda_tracker.nodes.recorder import TOPICS_BESIDE
+
     missing: dict[str, None] = {}
     heard = [*source.subscriptions, *recorder.subscriptions, *evaluator.subscriptions]
     for subscription in heard:
-        if not subscription.get_publisher_count():
-            topic = subscription.topic_name.rpartition("/")[2]
+        topic = subscription.topic_name.rpartition("/")[2]
+        if topic not in TOPICS_BESIDE and not subscription.get_publisher_count():
             missing[f"node {PUBLISHERS.get(topic, 'scan_source')}"] = None
     for publisher in source.publishers:
         expected = LISTENERS.get(publisher.topic_name.rpartition("/")[2], 0)

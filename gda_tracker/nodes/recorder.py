@@ -34,11 +34,14 @@ TOPICS: dict[str, tuple[type, QoSProfile]] = {
     "associations": (msg.Associations, latched(100)),
     "tracks": (msg.TrackArray, stream(1000)),
     "tracks_delayed": (msg.TrackArray, stream(1000)),
+    "scan_reports": (msg.ScanReport, stream(1000)),
+    "/diagnostics": (DiagnosticArray, stream(100)),
+}
+# Topics of nodes that may run beside the ring.
+TOPICS_BESIDE: dict[str, tuple[type, QoSProfile]] = {
     "track_sets": (msg.TrackSetArray, stream(1000)),
     "track_set_markers": (MarkerArray, stream(100)),
     "track_events": (msg.TrackEventArray, stream(1000)),
-    "scan_reports": (msg.ScanReport, stream(1000)),
-    "/diagnostics": (DiagnosticArray, stream(100)),
 }
 
 
@@ -75,7 +78,7 @@ class RecorderNode(RingNode):
     def open_topics(self) -> None:
         """Subscribe to everything."""
         assert self._writer is not None
-        for topic, (message, quality) in {**TOPICS, **self._further()}.items():
+        for topic, (message, quality) in {**TOPICS, **TOPICS_BESIDE, **self._further()}.items():
             name = self.resolve_topic_name(topic)
             kept = quality.durability == DurabilityPolicy.TRANSIENT_LOCAL
             type_name = f"{message.__module__.split('.')[0]}/msg/{message.__name__}"

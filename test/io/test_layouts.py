@@ -19,7 +19,7 @@ from gda_tracker.io.launch_plan import TRACKER_ARGUMENTS, demo_plan, tracker_pla
 from gda_tracker.io.markers.parameters import LAYERS, MARKER_ARRAY, marker_topic
 from gda_tracker.nodes.figures import FusionFigures, Recent, TrackingFigures
 from gda_tracker.nodes.qualities import stream
-from gda_tracker.nodes.recorder import TOPICS
+from gda_tracker.nodes.recorder import TOPICS, TOPICS_BESIDE
 from gda_tracker.nodes.track_manager import TrackManagerNode
 from gda_tracker.parameters import specifications
 from gda_tracker.simulation.playback import of_scenario, with_method
@@ -39,7 +39,7 @@ NUMBERS = (
 def published():
     """Type of each topic of the suite, by its name without a namespace."""
     found = {}
-    for topic, (message, _) in TOPICS.items():
+    for topic, (message, _) in {**TOPICS, **TOPICS_BESIDE}.items():
         kind = f"{message.__module__.split('.')[0]}/msg/{message.__name__}"
         found["/" + topic.lstrip("/")] = kind
     return {**found, **{f"/{marker_topic(layer)}": MARKER_ARRAY for layer in LAYERS}}

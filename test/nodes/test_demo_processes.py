@@ -46,7 +46,9 @@ def test_both_methods_see_the_same_scans():
 @pytest.mark.timeout(240)
 def test_the_whole_demo(tmp_path, environment, monkeypatch, capsys):
     monkeypatch.setattr(runner, "private_environment", lambda: environment)
-    arguments = argparse.Namespace(out=tmp_path / "out", runs=2, seed=3)
+    parser = argparse.ArgumentParser()
+    demo.add_arguments(parser)
+    arguments = parser.parse_args(["--out", str(tmp_path / "out"), "--runs", "2", "--seed", "3"])
     assert demo.run(arguments) == 0
     shown = capsys.readouterr().out
     scores = json.loads((tmp_path / "out" / demo.SCORES).read_text())["parts"]
