@@ -106,12 +106,17 @@ test-kills-beside-oldest: setup-test
 	cat build/test-kills.log; \
 	exit $$status
 
-# What needs ROS, bags, a browser or the installed package is left out, and what takes long.
+# What needs ROS, bags, a browser or the installed package is left out, what takes long, and what
+# runs whole commands or all parameters: no other numpy than in the tests of what they call.
+not_on_oldest := nodes io commands tuning test_packaging.py test_documentation.py view/test_page.py \
+	evaluation/test_command.py evaluation/test_association_log.py evaluation/test_calibration.py \
+	tracking/test_live_parameters.py fusion/test_live_fusion_parameters.py \
+	events/test_live_event_parameters.py
+
 .PHONY: test-oldest
 test-oldest: ## test the core with the oldest numpy and scipy, without ROS
 	@$(call locked,environment-oldest)
-	$(OLDEST)/bin/python -m pytest test --ignore=test/nodes --ignore=test/io --ignore=test/commands \
-		--ignore=test/test_packaging.py --ignore=test/test_documentation.py --ignore=test/view/test_page.py -m 'not slow' \
+	$(OLDEST)/bin/python -m pytest test $(addprefix --ignore=test/,$(not_on_oldest)) -m 'not slow' \
 		-n $(JOBS) $(ARGS)
 
 .PHONY: benchmark
