@@ -131,6 +131,11 @@ def predictions_to_message(predictions: Predictions) -> Any:
         message.window_log_class_likelihood = floats_to_field(
             predictions.window_log_class_likelihood
         )
+    if len(predictions.strength_shape):
+        message.strength_shape = floats_to_field(predictions.strength_shape)
+        message.strength_scale = floats_to_field(predictions.strength_scale)
+        message.signal_threshold = float(settings.signal_threshold)
+        message.clutter_strength = float(settings.clutter_strength)
     return message
 
 
@@ -152,6 +157,7 @@ def predictions_from_message(message: Any) -> Predictions:
     mean = floats_from_field(message.component_mean)
     state_size = max(len(mean) // components, 1) if components else STATE_SIZE
     model = indices_from_field(message.component_model)
+    strengths = _strengths_from_message(message, hypotheses)
     return Predictions(
         key=key_from_message(message.key),
         settings=AssociationSettings(
@@ -163,6 +169,9 @@ def predictions_from_message(message: Any) -> Predictions:
             degraded=bool(message.degraded),
             history_policy=str(message.history_policy) or "none",
             forgetting_factor=_optional_float(message, "forgetting_factor", 1.0),
+            # Of bags from before there were strengths these are not numbers.
+            signal_threshold=float(message.signal_threshold) if strengths else 0.0,
+            clutter_strength=float(message.clutter_strength) if strengths else 0.0,
         ),
         hypothesis_id=hypothesis_id,
         parent_id=require_size(int64_from_field(message.parent_id), hypotheses, "parent_id"),
@@ -181,6 +190,7 @@ def predictions_from_message(message: Any) -> Predictions:
         class_names=class_names,
         class_probability=_floats(message, "class_probability", hypotheses, len(class_names)),
         **_window_from_message(message, hypotheses, len(class_names)),
+        **strengths,
     )
 
 
@@ -209,6 +219,14 @@ def _window_from_message(message: Any, hypotheses: int, classes: int) -> dict[st
             message, "window_log_class_likelihood", hypotheses, rows, classes
         ),
     }
+
+
+def _strengths_from_message(message: Any, hypotheses: int) -> dict[str, Any]:
+    """Return the fields of signal strength; none for a message without."""
+    names = ("strength_shape", "strength_scale")
+    if not any(len(getattr(message, name)) for name in names):
+        return {}
+    return {name: _floats(message, name, hypotheses) for name in names}
 
 
 def _component_start(message: Any, hypotheses: int, components: int) -> Int32Array:

@@ -194,6 +194,7 @@ def scan_to_message(scan: Scan) -> Any:
     if scan.sensor_model:
         message.sensor_model = scan.sensor_model
         _platforms_to_message(scan, message)
+    message.signal_strength = floats_to_field(scan.signal_strength)
     if scan.statements:
         message.statements = [statement_to_message(each) for each in scan.statements]
     return message
@@ -261,6 +262,7 @@ def scan_from_message(message: Any) -> Scan:
         reference_velocity_mps=_optional_of_size(
             message.reference_velocity_mps, 3, "reference_velocity_mps"
         ),
+        signal_strength=_optional_of_size(message.signal_strength, count, "signal_strength"),
     )
 
 

@@ -14,7 +14,12 @@ from typing import Any
 import numpy as np
 
 from gda_tracker.io.fields import LARGEST_STAMP_NS, NANOSECONDS
-from gda_tracker.io.track_messages import INTEGER_LIMITS, check_integers, tracks_to_message
+from gda_tracker.io.track_messages import (
+    INTEGER_LIMITS,
+    REALS,
+    check_integers,
+    tracks_to_message,
+)
 from gda_tracker.vocabulary.tracks import Tracks
 
 ENCAPSULATION_BYTES = 4
@@ -49,8 +54,8 @@ def _record(state: int, classes: int, focal: int) -> np.dtype[Any]:
     put_sequence("covariance", state * state)
     put_sequence("class_probability", classes)
     put_sequence("masses", focal)
-    put("conflict", "<f8")
-    put("existence_probability", "<f8")
+    for name in REALS:
+        put(name, "<f8")
     for name in ("hits", "misses", "coasted_scans"):
         put(name, "<u4")
     put("detection_index", "<i4")
@@ -149,8 +154,8 @@ def tracks_to_cdr(tracks: Tracks) -> bytes:
         values = getattr(tracks, name)
         check_integers(values, name, lowest, highest)
         records[name] = values
-    records["conflict"] = tracks.conflict
-    records["existence_probability"] = tracks.existence_probability
+    for name in REALS:
+        records[name] = getattr(tracks, name)
     for name in ("first_detection", "last_detection"):
         stamps = getattr(tracks, f"{name}_ns")
         check_integers(stamps, name, 0, LARGEST_STAMP_NS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from pathlib import Path
 from types import TracebackType
 from typing import TextIO
@@ -12,6 +13,8 @@ import numpy as np
 from gda_tracker.io.fields import NANOSECONDS
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
+# Empty where they are not estimated.
+STRENGTHS = ("signal_strength", "signal_strength_std_db", "detection_probability")
 COLUMNS = (
     "scan",
     "stamp_s",
@@ -30,6 +33,7 @@ COLUMNS = (
     "class",
     "class_probability",
     "existence_probability",
+    *STRENGTHS,
 )
 
 
@@ -48,8 +52,9 @@ class TrackCsvWriter:
 
     ``scan`` counts from 0; ``status`` is ``tentative`` or ``confirmed``, also while a track coasts;
     ``class`` is the most probable one and empty without classes; ``existence_probability`` is that
-    of a target behind the track. Numbers are written so that
-    reading them gives the same float64.
+    of a target behind the track; ``signal_strength`` [mean noise powers], its standard deviation
+    [dB] and the ``detection_probability`` that follows are empty where they are not estimated.
+    Numbers are written so that reading them gives the same float64.
 
     Parameters
     ----------
@@ -88,6 +93,7 @@ class TrackCsvWriter:
                     int(tracks.detection_index[row]),
                     *_class(tracks, row),
                     repr(float(tracks.existence_probability[row])),
+                    *(_known(float(getattr(tracks, name)[row])) for name in STRENGTHS),
                 )
             )
 
@@ -105,6 +111,10 @@ class TrackCsvWriter:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _known(value: float) -> str:
+    return "" if math.isnan(value) else repr(value)
 
 
 def _class(tracks: Tracks, row: int) -> tuple[str, str]:

@@ -16,6 +16,7 @@ from scipy.special import chdtri
 
 from gda_tracker.kinematics.measurement_models import observed
 from gda_tracker.kinematics.model_gating import densities, gated_components
+from gda_tracker.kinematics.pair_strengths import pair_log_ratio
 from gda_tracker.kinematics.sensor_models import (
     Innovations,
     PolarMeasurements,
@@ -39,7 +40,8 @@ class GatedPairs:
 
     ``mahalanobis_squared`` (P,) is that of the closest component; ``log_likelihood`` (P,) is
     log g_ij [log 1/(m rad)], summed over the components of the hypothesis by their weights; of a
-    sensor with a model its unit is one over that of the measurement space.
+    sensor with a model its unit is one over that of the measurement space. Where signal strength
+    counts it has the ratio of :mod:`gda_tracker.kinematics.pair_strengths`.
     """
 
     hypothesis: Int32Array
@@ -59,6 +61,15 @@ def gate_threshold(gate_probability: float, dimension: int = MEASUREMENT_DIMENSI
 
 def gate(scan: Scan, predictions: Predictions) -> GatedPairs:
     """Return the pairs whose squared Mahalanobis distance is at most the gate threshold."""
+    pairs = _gate_positions(scan, predictions)
+    ratio = pair_log_ratio(scan, predictions, pairs.hypothesis, pairs.detection)
+    if ratio is not None:
+        pairs.log_likelihood = pairs.log_likelihood + ratio
+    return pairs
+
+
+def _gate_positions(scan: Scan, predictions: Predictions) -> GatedPairs:
+    """Gated pairs with their kinematic densities."""
     if scan.sensor_model:
         return _gate_by_model(scan, predictions)
     measurements = polar_measurements(scan)

@@ -50,6 +50,11 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
         "missed_track_hypotheses": scenario.attribute.missed_track_hypotheses,
         "max_gap_s": max(60.0, GAP_SCANS * scenario.time.scan_period_s),
     }
+    if told.extraction != "m_of_n":
+        manager["extraction"] = told.extraction
+    if sensor.false_alarm_probability > 0.0:
+        manager["false_alarm_probability"] = sensor.false_alarm_probability
+        manager["signal_strength"] = told.signal_strength
     if scenario.reach is not None:
         manager["initiation"] = initiation = "automatic"
         manager.update(sensor_parameters(scenario.sensors, scenario.reach))

@@ -24,6 +24,7 @@ from gda_tracker.parameters import ParameterError
 from gda_tracker.resources import resource
 from gda_tracker.simulation.schema import ScenarioError, check_keys, check_list, key, read_section
 from gda_tracker.simulation.sensor_sections import ModelledSensor, ReachSection, read_sensors
+from gda_tracker.simulation.signal_strengths import check_strengths
 
 NOTES = "monte_carlo"
 NOTES_PREFIX = "expected_"
@@ -53,7 +54,22 @@ class Sensor:
     position_m: tuple[float, float] = key("[x East, y North]", unit="m")
     azimuth_std_deg: float = key("azimuth noise", unit="deg", minimum=0.0)
     range_std_m: float = key("range noise", unit="m", minimum=0.0)
-    detection_probability: float = key("true P_d", minimum=0.0, maximum=1.0)
+    detection_probability: float = key(
+        "true P_d; with strengths it follows from them", minimum=0.0, maximum=1.0
+    )
+    false_alarm_probability: float = key(
+        "chance that noise exceeds the threshold; 0: no signal strengths",
+        default=0.0,
+        minimum=0.0,
+        maximum=0.99,
+    )
+    strength_per_m2: float = key(
+        "mean signal strength of 1 m2 at any range, over mean noise power",
+        unit="1/m2",
+        default=1.0,
+        minimum=0.0,
+        minimum_excluded=True,
+    )
 
 
 @dataclass(frozen=True)
@@ -131,6 +147,16 @@ class TrackerKnowledge:
     )
     detection_probability: float = key("P_d as the tracker is told", minimum=0.0, maximum=1.0)
     extraneous_return_density_per_rad_m: float = key("beta", unit="1/(rad m)", minimum=0.0)
+    signal_strength: str = key(
+        "whether tracks estimate the strength of their target",
+        default="none",
+        choices=("none", "swerling_1"),
+    )
+    extraction: str = key(
+        "what confirms and ends tracks, if they start by themselves",
+        default="m_of_n",
+        choices=("m_of_n", "sequential"),
+    )
 
 
 @dataclass(frozen=True)
@@ -257,6 +283,8 @@ def scenario_from_mapping(content: Any, where: str = "scenario") -> Scenario:
         for index, entry in enumerate(check_list(content["targets"], f"{where}: targets", 1))
     )
     _check_targets(targets, attribute, f"{where}: targets")
+    if not several:
+        check_strengths(content["sensor"], targets, where)
     sensors = read_sensors(content, where) if several else ()
     return Scenario(
         name=name,

@@ -3,8 +3,9 @@
 A run depends on the scenario, the seed and the number of the run alone. ``SeedSequence([seed,
 run])`` spawns one stream per source of chance, so that one of them can change (more clutter, say)
 while the others stay as they are: 0 detection, 1 measurement noise, 2 radar cross sections of
-targets, 3 false alarms, 4 order of the detections within a scan. Each stream is drawn for all scans
-at once, scan by scan and within a scan target by target in the order of the file.
+targets, 3 false alarms, 4 order of the detections within a scan, 5 signal strengths. Each stream is
+drawn for all scans at once, scan by scan and within a scan target by target in the order of the
+file.
 """
 
 from __future__ import annotations
@@ -16,6 +17,11 @@ import numpy as np
 from gda_tracker.attributes.rcs import sample
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.simulation.signal_strengths import (
+    ATTRIBUTE,
+    draw_false_signals,
+    draw_signals,
+)
 from gda_tracker.simulation.targets import true_states
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.recordings import Recording
@@ -38,8 +44,9 @@ def simulate(
 
     In the first ``n_initiation_scans`` every target is detected; later with the true P_d. Range and
     azimuth carry Gaussian noise, the azimuth counter-clockwise from East (REP-103). The detections
-    bring no standard deviations: the tracker is told them by its parameters. Their order within a
-    scan is random, so that it tells nothing.
+    bring no standard deviations: the tracker is told them by its parameters. With signal strengths
+    (:mod:`gda_tracker.simulation.signal_strengths`) they decide what is detected. Their order
+    within a scan is random, so that it tells nothing.
 
     Parameters
     ----------
@@ -58,15 +65,24 @@ def simulate(
         One ``Detections`` and one ``ScanTruth`` per scan; the preset holds what the tracker is
         told.
     """
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(5)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(6)]
     states = true_states(scenario)
     n_scans, n_targets = states.shape[:2]
 
     seen = streams[0].random((n_scans, n_targets)) < scenario.sensor.detection_probability
     seen[: scenario.time.n_initiation_scans] = True
+    strengths = scenario.sensor.false_alarm_probability > 0.0
+    means = np.array([t.rcs_mean_m2 for t in scenario.targets])
+    if strengths:
+        signal, seen = draw_signals(
+            streams[5],
+            scenario.sensor.strength_per_m2 * means,
+            n_scans,
+            scenario.time.n_initiation_scans,
+            scenario.sensor.false_alarm_probability,
+        )
     scan, target = np.nonzero(seen)
     target_range, target_azimuth = _measure(scenario, states[..., :2], streams[1])
-    means = np.array([t.rcs_mean_m2 for t in scenario.targets])
     models = np.array([t.rcs_swerling for t in scenario.targets])
     target_rcs = sample(streams[2], means, models, (n_scans, n_targets))
     clutter_scan, clutter_range, clutter_azimuth, clutter_rcs = _clutter(scenario, streams[3])
@@ -76,7 +92,14 @@ def simulate(
     order = np.lexsort((streams[4].random(len(all_scans)), all_scans))
     ranges = np.concatenate([target_range[seen], clutter_range])[order]
     azimuths = np.concatenate([target_azimuth[seen], clutter_azimuth])[order]
-    rcs = np.concatenate([target_rcs[seen], clutter_rcs])[order]
+    if strengths:
+        false = draw_false_signals(
+            streams[5], len(clutter_scan), scenario.sensor.false_alarm_probability
+        )
+        signals = np.concatenate([signal[seen], false])[order]
+        rcs = (signals - 1.0) / scenario.sensor.strength_per_m2
+    else:
+        rcs = np.concatenate([target_rcs[seen], clutter_rcs])[order]
     sources = np.concatenate([ids[target], np.full(len(clutter_scan), CLUTTER, np.int32)])[order]
 
     begin = np.searchsorted(all_scans[order], np.arange(n_scans + 1))
@@ -98,6 +121,8 @@ def simulate(
                 sensor_position_m=position.copy(),
                 frame_id=FRAME_ID,
                 sequence=k,
+                attribute_names=(ATTRIBUTE,) if strengths else (),
+                attribute_values=signals[None, rows] if strengths else None,
             )
         )
         truth.append(

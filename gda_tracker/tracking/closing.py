@@ -22,6 +22,7 @@ from gda_tracker.tracking.mht.delayed import past_of
 from gda_tracker.tracking.mht.generations import Generation, settle
 from gda_tracker.tracking.mht.growth import coast, grow
 from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.signal_strength import update_strengths, update_strengths_by_marginals
 from gda_tracker.tracking.state_update import count_detections, update_beliefs, update_states
 from gda_tracker.tracking.statement_update import (
     heard_rows,
@@ -118,8 +119,10 @@ def _close_single(
             every = np.arange(len(scores.updated_hypothesis))
             update_heard_beliefs(table, scores, scores.updated_hypothesis.astype(np.int64), every)
         update_by_marginals(table, opened.scan, scores, associations, p.use_range_rate)
+        update_strengths_by_marginals(table, opened.scan, associations, p.signal_threshold)
     else:
         update_states(table, opened.scan, assigned, p.use_range_rate)
+        update_strengths(table, opened.scan, assigned, p.signal_threshold)
         if scores is not None:
             update_beliefs(table, scores, associations.chosen)
             update_heard_beliefs(

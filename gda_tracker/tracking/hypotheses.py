@@ -50,6 +50,9 @@ class HypothesisTable:
     the one that speaks for it (else all do), ``log_score`` (H,) is the log likelihood ratio of the
     leaf against false alarms, ``detection_numbers`` (H, W) the running numbers of the detections of
     the last W scans, newest first, -1 for none (W = 0 under the other decisions).
+
+    ``strength`` (H, 2) are shape and scale of what is known of the strength of the target's
+    signals, see :mod:`gda_tracker.tracking.signal_strength`; (H, 0) without.
     """
 
     hypothesis_id: IntArray = field(default_factory=_ints)
@@ -81,6 +84,7 @@ class HypothesisTable:
     chosen: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     log_score: FloatArray = field(default_factory=empty_floats)
     detection_numbers: IntArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    strength: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     # Not per row:
     frame: tuple[str, ...] = ()
     focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
@@ -107,6 +111,8 @@ class HypothesisTable:
                 setattr(self, name, np.zeros(count))
         if len(self.detection_numbers) != count:
             self.detection_numbers = np.zeros((count, 0), dtype=np.int64)
+        if len(self.strength) != count:
+            self.strength = empty_floats(count, 0)
 
     def __len__(self) -> int:
         return len(self.hypothesis_id)

@@ -14,6 +14,7 @@ from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.mht.start import fit
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.predictions import predictions_of
+from gda_tracker.tracking.signal_strength import tell_strengths, with_signals, with_strengths
 from gda_tracker.tracking.state_update import predict_states
 from gda_tracker.tracking.statement_desk import DeskLimits
 from gda_tracker.tracking.waiting_room import Waiting
@@ -59,12 +60,14 @@ def open_scan(
         table = table.select(np.zeros(len(table), dtype=bool))
     table = fit(table, p.mht_scans if p.decision == "mht" else 0)
     table = with_window(predict_states(table, dt_s, p), p.window_rows)
+    table, scan = with_strengths(table, dt_s, p), with_signals(scan, p, counters)
     density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
     if state.desk.waiting:
         scan = _with_statements(scan, table, state, p, counters)
+    predictions = tell_strengths(predictions_of(scan.key, table, p, density), scan, table, p)
     return OpenScan(
         scan,
-        predictions_of(scan.key, table, p, density),
+        predictions,
         table,
         ended_ids,
         started,

@@ -13,6 +13,7 @@ from gda_tracker.tracking.parameter_groups.motion import MotionParameters
 from gda_tracker.tracking.parameter_groups.operation import OperationParameters
 from gda_tracker.tracking.parameter_groups.sensor import SensorParameters
 from gda_tracker.tracking.parameter_groups.sensor_models import SensorModelParameters
+from gda_tracker.tracking.parameter_groups.strength import StrengthParameters
 
 
 # The last group first: a dataclass takes its fields from its last base first.
@@ -25,6 +26,7 @@ class TrackManagerParameters(
     LifeParameters,
     MotionParameters,
     SensorModelParameters,
+    StrengthParameters,
     SensorParameters,
     MethodParameters,
 ):
@@ -33,6 +35,7 @@ class TrackManagerParameters(
     def __post_init__(self) -> None:
         MotionParameters.check(self)
         SensorModelParameters.check(self)
+        StrengthParameters.check(self)
         LifeParameters.check(self)
         HistoryParameters.check(self)
         DoorParameters.check(self)

@@ -32,7 +32,8 @@ class AssociationSettings:
     track. ``degraded``: the track manager has given up the attribute scores; kinematics alone
     decide. ``history_policy`` is one of ``HISTORY_POLICIES``; ``forgetting_factor``, the share of
     the history kept at each detection with a known attribute, goes with ``forgetting``; how long
-    the window is shows in the predictions' arrays.
+    the window is shows in the predictions' arrays. ``signal_threshold`` lambda and
+    ``clutter_strength`` c, in mean noise powers, go with the strengths of ``Predictions``.
     """
 
     decision: str = "gda"
@@ -43,6 +44,8 @@ class AssociationSettings:
     degraded: bool = False
     history_policy: str = "none"
     forgetting_factor: float = 1.0
+    signal_threshold: float = 0.0
+    clutter_strength: float = 0.0
 
 
 @dataclass(slots=True)
@@ -59,6 +62,10 @@ class Predictions:
     says what a row is (``NO_ROW``, ``EVIDENCE_ROW``, ``BELIEF_ROW``); ``window_masses`` (H, W - 1,
     F) over the Venn bitmasks ``window_focal`` (F,) and ``window_log_class_likelihood`` (H, W - 1,
     C) are those of ``Evidence``; of a ``BELIEF_ROW`` the latter are log class probabilities.
+
+    Where signal strength counts on this scan, and else empty: ``strength_shape`` and
+    ``strength_scale`` (H,) of the inverse Gamma density of 1 + mean strength
+    (:mod:`gda_tracker.kinematics.signal_strength`), on which ``detection_probability`` rests.
     """
 
     key: ScanKey
@@ -81,6 +88,8 @@ class Predictions:
     window_kind: Int32Array = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int32))
     window_masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
     window_log_class_likelihood: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
+    strength_shape: FloatArray = field(default_factory=empty_floats)
+    strength_scale: FloatArray = field(default_factory=empty_floats)
 
     def __len__(self) -> int:
         return len(self.hypothesis_id)
@@ -90,12 +99,13 @@ class Predictions:
 class Associations:
     """The decision on one scan for P gated pairs of H hypotheses; message ``Associations``.
 
-    Per pair (P,): ``kinematic_log_likelihood`` [log 1/(m rad)], ``p_kinematic`` P_k (14.4.1),
-    ``p_attribute`` P_a = 1 - P'_a (14.4.2), ``p_generalised`` P_k P_a, ``joint_marginal`` from the
-    joint kinematic and attribute likelihood (decision ``jpda``: after the coalescence remedy),
-    ``chosen``. ``assigned_detection`` (H,) is the row in the scan or -1. ``cluster_engine`` (G,)
-    indexes ``engine_names``; ``cluster_converged`` (G,) is False where an approximate engine did
-    not settle.
+    Per pair (P,): ``kinematic_log_likelihood`` [log 1/(m rad)], with the ratio of the signal's
+    strength where that counts, ``p_kinematic`` P_k (14.4.1), ``p_attribute`` P_a = 1 - P'_a
+    (14.4.2), ``p_generalised`` P_k P_a, ``joint_marginal`` from the joint kinematic and attribute
+    likelihood (decision ``jpda``: after the coalescence remedy), ``chosen``.
+    ``assigned_detection`` (H,) is the row in the scan or -1. ``cluster_engine`` (G,) indexes
+    ``engine_names``; ``cluster_converged`` (G,) is False where an approximate engine did not
+    settle.
     """
 
     key: ScanKey

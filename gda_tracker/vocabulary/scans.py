@@ -74,6 +74,8 @@ class Scan:
     ``attribute_names`` (A) names any. ``statements`` were admitted since the last scan.
     ``sensor_model`` names one of :mod:`gda_tracker.kinematics.measurement_models`, empty for range
     and azimuth; then what it does not measure is NaN, and velocity and reference are there.
+    ``signal_strength`` (n,) is in mean noise powers, NaN where unknown; ``None`` where it plays no
+    part.
     """
 
     key: ScanKey
@@ -97,6 +99,7 @@ class Scan:
     sensor_velocity_mps: FloatArray | None = None
     reference_position_m: FloatArray | None = None
     reference_velocity_mps: FloatArray | None = None
+    signal_strength: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.range_m)

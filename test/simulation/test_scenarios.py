@@ -28,6 +28,8 @@ def test_shipped_scenarios_load_by_name_and_path():
         "mixed_sensors",
         "moving_emitter",
         "two_sensors",
+        "weak_targets",
+        "weak_targets_by_rcs",
     ]
     for name, path in shipped_scenarios().items():
         assert load_scenario(name) == load_scenario(path)

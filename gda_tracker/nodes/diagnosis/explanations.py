@@ -115,6 +115,13 @@ EXPLANATIONS: dict[str, Explanation] = {
         "gda-tracker params set rcs_unit=dbsm, or convert in the driver: 10^(dBsm / 10)",
     ),
     "attribute_not_finite": _of(NOTE, "further attributes that are NaN or inf: count as unknown"),
+    "signal_strength_out_of_range": _of(
+        WARNING,
+        "signal strengths below the threshold or beyond any receiver: taken as the nearest that is "
+        "possible; another unit, or another false alarm probability than the detector's?",
+        "gda-tracker params set signal_strength_unit=decibel, or false_alarm_probability to that "
+        "of the detector",
+    ),
     "max_tracks_reached": _of(
         WARNING,
         "tracks that found no room: too much clutter starts tracks, or max_tracks is too small",

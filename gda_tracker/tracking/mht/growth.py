@@ -23,6 +23,7 @@ from gda_tracker.tracking.mht.decision import global_hypothesis
 from gda_tracker.tracking.mht.generations import Generation, ancestors, rows_of
 from gda_tracker.tracking.mht.pruning import Nearness, leaves_in_all, merge
 from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.signal_strength import update_strengths
 from gda_tracker.tracking.state_update import count_detections, set_beliefs, update_states
 from gda_tracker.tracking.statement_update import (
     heard_rows,
@@ -120,6 +121,7 @@ def grow(
     table.parent_id = opened.table.hypothesis_id[branches.parent]
     used = branches.detection.astype(np.int32)
     update_states(table, opened.scan, used, parameters.use_range_rate)
+    update_strengths(table, opened.scan, used, parameters.signal_threshold)
     if evidence is not None:
         table.use_frame(evidence.frame, evidence.class_names)
     if scores is not None:
