@@ -29,6 +29,13 @@ from gda_tracker.io.fields import (
     require_size,
     reshape,
 )
+from gda_tracker.io.group_fields import (
+    RESOLUTION_SETTINGS,
+    group_candidates_from_message,
+    groups_from_message,
+    groups_to_message,
+    resolution_from_message,
+)
 from gda_tracker.io.scan_messages import key_from_message, key_to_message
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
@@ -110,6 +117,8 @@ def predictions_to_message(predictions: Predictions) -> Any:
     message.history_policy = str(settings.history_policy)
     if settings.history_policy == "forgetting":
         message.forgetting_factor = [float(settings.forgetting_factor)]
+    if settings.resolution_range_m > 0.0:
+        message.resolution = [float(getattr(settings, name)) for name in RESOLUTION_SETTINGS]
     message.hypothesis_id = int64_to_field(predictions.hypothesis_id)
     message.parent_id = int64_to_field(predictions.parent_id)
     message.track_id = int64_to_field(predictions.track_id)
@@ -136,6 +145,7 @@ def predictions_to_message(predictions: Predictions) -> Any:
         message.strength_scale = floats_to_field(predictions.strength_scale)
         message.signal_threshold = float(settings.signal_threshold)
         message.clutter_strength = float(settings.clutter_strength)
+    message.group_candidate = bools_to_field(predictions.group_candidate)
     return message
 
 
@@ -172,6 +182,7 @@ def predictions_from_message(message: Any) -> Predictions:
             # Of bags from before there were strengths these are not numbers.
             signal_threshold=float(message.signal_threshold) if strengths else 0.0,
             clutter_strength=float(message.clutter_strength) if strengths else 0.0,
+            **resolution_from_message(message),
         ),
         hypothesis_id=hypothesis_id,
         parent_id=require_size(int64_from_field(message.parent_id), hypotheses, "parent_id"),
@@ -191,6 +202,7 @@ def predictions_from_message(message: Any) -> Predictions:
         class_probability=_floats(message, "class_probability", hypotheses, len(class_names)),
         **_window_from_message(message, hypotheses, len(class_names)),
         **strengths,
+        group_candidate=group_candidates_from_message(message, hypotheses),
     )
 
 
@@ -319,6 +331,7 @@ def associations_to_message(associations: Associations) -> Any:
     message.cluster_engine = indices_to_field(associations.cluster_engine, "cluster_engine")
     message.cluster_converged = bools_to_field(associations.cluster_converged)
     message.engine_names = [str(name) for name in associations.engine_names]
+    groups_to_message(associations, message)
     return message
 
 
@@ -353,4 +366,5 @@ def associations_from_message(message: Any) -> Associations:
         cluster_converged=require_size(converged, len(cluster_engine), "cluster_converged"),
         engine_names=_names(message.engine_names),
         **{name: _floats(message, name, pairs) for name in _PAIR_FLOATS},
+        **groups_from_message(message),
     )

@@ -55,6 +55,9 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
     if sensor.false_alarm_probability > 0.0:
         manager["false_alarm_probability"] = sensor.false_alarm_probability
         manager["signal_strength"] = told.signal_strength
+    if sensor.resolution_range_m > 0.0 and told.resolution == "told":
+        manager["resolution_range_m"] = sensor.resolution_range_m
+        manager["resolution_azimuth_rad"] = math.radians(sensor.resolution_azimuth_deg)
     if scenario.reach is not None:
         manager["initiation"] = initiation = "automatic"
         manager.update(sensor_parameters(scenario.sensors, scenario.reach))

@@ -70,6 +70,28 @@ class Sensor:
         minimum=0.0,
         minimum_excluded=True,
     )
+    resolution_range_m: float = key(
+        "half of the pairs of targets this far apart in range are one detection; 0: none",
+        unit="m",
+        minimum=0.0,
+        default=0.0,
+    )
+    resolution_azimuth_deg: float = key(
+        "the same in azimuth", unit="deg", minimum=0.0, maximum=180.0, default=0.0
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse a resolution in one of range and azimuth only."""
+        if (self.resolution_range_m > 0.0) != (self.resolution_azimuth_deg > 0.0):
+            raise ParameterError(
+                f"resolution_range_m = {self.resolution_range_m:g} and resolution_azimuth_deg = "
+                f"{self.resolution_azimuth_deg:g}: allowed are two numbers > 0, or 0 and 0"
+            )
+        if self.resolution_range_m > 0.0 and self.false_alarm_probability > 0.0:
+            raise ParameterError(
+                f"resolution_range_m = {self.resolution_range_m:g} and false_alarm_probability = "
+                f"{self.false_alarm_probability:g}: allowed is 0 for one of them"
+            )
 
 
 @dataclass(frozen=True)
@@ -156,6 +178,11 @@ class TrackerKnowledge:
         "what confirms and ends tracks, if they start by themselves",
         default="m_of_n",
         choices=("m_of_n", "sequential"),
+    )
+    resolution: str = key(
+        "whether the tracker is told the resolution of the sensor",
+        default="told",
+        choices=("told", "untold"),
     )
 
 

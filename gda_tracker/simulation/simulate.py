@@ -3,9 +3,9 @@
 A run depends on the scenario, the seed and the number of the run alone. ``SeedSequence([seed,
 run])`` spawns one stream per source of chance, so that one of them can change (more clutter, say)
 while the others stay as they are: 0 detection, 1 measurement noise, 2 radar cross sections of
-targets, 3 false alarms, 4 order of the detections within a scan, 5 signal strengths. Each stream is
-drawn for all scans at once, scan by scan and within a scan target by target in the order of the
-file.
+targets, 3 false alarms, 4 order of the detections within a scan, 5 signal strengths, 6 which targets
+the radar resolves (:mod:`gda_tracker.simulation.resolution`). Each stream is drawn for all scans at
+once, scan by scan and within a scan target by target in the order of the file.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 
 from gda_tracker.attributes.rcs import sample
 from gda_tracker.simulation.preset import tracker_preset
+from gda_tracker.simulation.resolution import merged_detections, unresolved_groups
 from gda_tracker.simulation.scenarios import Scenario
 from gda_tracker.simulation.signal_strengths import (
     ATTRIBUTE,
@@ -65,7 +66,7 @@ def simulate(
         One ``Detections`` and one ``ScanTruth`` per scan; the preset holds what the tracker is
         told.
     """
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(6)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(7)]
     states = true_states(scenario)
     n_scans, n_targets = states.shape[:2]
 
@@ -81,10 +82,20 @@ def simulate(
             scenario.time.n_initiation_scans,
             scenario.sensor.false_alarm_probability,
         )
-    scan, target = np.nonzero(seen)
     target_range, target_azimuth = _measure(scenario, states[..., :2], streams[1])
     models = np.array([t.rcs_swerling for t in scenario.targets])
     target_rcs = sample(streams[2], means, models, (n_scans, n_targets))
+    if scenario.sensor.resolution_range_m > 0.0:
+        groups = unresolved_groups(scenario, states[..., :2], streams[6])
+        groups[: scenario.time.n_initiation_scans] = np.arange(n_targets)
+        noise = target_range, target_azimuth
+        seen, target_range, target_azimuth, target_rcs, owner = merged_detections(
+            scenario, states[..., :2], groups, seen, noise, target_rcs, streams[6]
+        )
+    else:
+        owner = np.tile(np.arange(n_targets), (n_scans, 1))
+    scan, _ = np.nonzero(seen)
+    target = owner[seen]
     clutter_scan, clutter_range, clutter_azimuth, clutter_rcs = _clutter(scenario, streams[3])
 
     ids = np.array([t.id for t in scenario.targets], dtype=np.int32)

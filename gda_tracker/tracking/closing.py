@@ -12,12 +12,14 @@ from gda_tracker.tracking.births import begin_tracks
 from gda_tracker.tracking.clutter import clutter_after
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
+from gda_tracker.tracking.group_update import assigned_alone, update_chosen_groups
 from gda_tracker.tracking.history_window import remember
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.jpda_update import update_by_marginals
 from gda_tracker.tracking.life import judge
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
+from gda_tracker.tracking.mht.couplings import Couplings
 from gda_tracker.tracking.mht.delayed import past_of
 from gda_tracker.tracking.mht.generations import Generation, settle
 from gda_tracker.tracking.mht.growth import coast, grow
@@ -90,9 +92,9 @@ def close_unanswered(
     past: list[Generation] = []
     if opened.predictions.settings.decision == MHT:
         past = [] if opened.started else past_of(state)
-        table = _renamed(coast(opened, past, parameters), state)
+        table = _renamed(*coast(opened, past, parameters, state.couplings), state)
     else:
-        table = opened.table.copy()
+        table, state.couplings = opened.table.copy(), Couplings()
         table.detection_index = np.full(len(table), -1, dtype=np.int64)
     merge_components(table, parameters)
     points = StartPoints() if opened.started else state.points
@@ -111,6 +113,7 @@ def _close_single(
 ) -> ClosedScan:
     """Close the open scan with one hypothesis for each track."""
     p, table = parameters, opened.table.copy()
+    state.couplings = Couplings()
     assigned = associations.assigned_detection
     if evidence is not None:
         table.use_frame(evidence.frame, evidence.class_names)
@@ -121,12 +124,14 @@ def _close_single(
         update_by_marginals(table, opened.scan, scores, associations, p.use_range_rate)
         update_strengths_by_marginals(table, opened.scan, associations, p.signal_threshold)
     else:
-        update_states(table, opened.scan, assigned, p.use_range_rate)
+        single = assigned_alone(associations)
+        update_states(table, opened.scan, single, p.use_range_rate)
+        update_chosen_groups(table, opened.table, opened.scan, associations)
         update_strengths(table, opened.scan, assigned, p.signal_threshold)
         if scores is not None:
             update_beliefs(table, scores, associations.chosen)
             update_heard_beliefs(
-                table, scores, *heard_rows(scores, np.arange(len(table)), assigned < 0)
+                table, scores, *heard_rows(scores, np.arange(len(table)), single < 0)
             )
     if opened.scan.statements:
         update_heard_states(
@@ -162,10 +167,17 @@ def _close_trees(
     """Close the open scan by growing the hypothesis trees."""
     past = [] if opened.started else past_of(state)
     growth = grow(
-        opened, past, evidence, scores, associations, state.next_detection_number, parameters
+        opened,
+        past,
+        evidence,
+        scores,
+        associations,
+        state.next_detection_number,
+        parameters,
+        state.couplings,
     )
     settle(past, growth.ended_parent_id)
-    table = _renamed(growth.table, state)
+    table = _renamed(growth.table, growth.couplings, state)
     deleted = np.concatenate([opened.ended_track_id, growth.ended_track_id])
     decided = replace(associations, assigned_detection=growth.assigned)
     state.clutter = clutter_after(
@@ -175,11 +187,12 @@ def _close_trees(
     return ClosedScan(table, points, deleted, TRACKED, growth.assigned, past)
 
 
-def _renamed(table: HypothesisTable, state: ManagerState) -> HypothesisTable:
-    """Give every row an id of its own."""
-    first = state.next_hypothesis_id
+def _renamed(table: HypothesisTable, couplings: Couplings, state: ManagerState) -> HypothesisTable:
+    """Give every row an id of its own, and the couplings these ids."""
+    first, places = state.next_hypothesis_id, table.hypothesis_id
     state.next_hypothesis_id = first + len(table)
     table.hypothesis_id = np.arange(first, first + len(table), dtype=np.int64)
+    state.couplings = couplings.renamed(places, table.hypothesis_id)
     return table
 
 

@@ -11,6 +11,7 @@ from gda_tracker.tracking.parameter_groups.method import MethodParameters
 from gda_tracker.tracking.parameter_groups.mht import MhtParameters
 from gda_tracker.tracking.parameter_groups.motion import MotionParameters
 from gda_tracker.tracking.parameter_groups.operation import OperationParameters
+from gda_tracker.tracking.parameter_groups.resolution import ResolutionParameters
 from gda_tracker.tracking.parameter_groups.sensor import SensorParameters
 from gda_tracker.tracking.parameter_groups.sensor_models import SensorModelParameters
 from gda_tracker.tracking.parameter_groups.strength import StrengthParameters
@@ -25,6 +26,7 @@ class TrackManagerParameters(
     MhtParameters,
     LifeParameters,
     MotionParameters,
+    ResolutionParameters,
     SensorModelParameters,
     StrengthParameters,
     SensorParameters,
@@ -36,6 +38,7 @@ class TrackManagerParameters(
         MotionParameters.check(self)
         SensorModelParameters.check(self)
         StrengthParameters.check(self)
+        ResolutionParameters.check(self)
         LifeParameters.check(self)
         HistoryParameters.check(self)
         DoorParameters.check(self)

@@ -34,6 +34,8 @@ class AssociationSettings:
     the history kept at each detection with a known attribute, goes with ``forgetting``; how long
     the window is shows in the predictions' arrays. ``signal_threshold`` lambda and
     ``clutter_strength`` c, in mean noise powers, go with the strengths of ``Predictions``.
+    ``resolution_range_m`` and ``resolution_azimuth_rad`` are the distances at which half of the pairs of targets are resolved,
+    0 for a sensor that resolves all; ``unresolved_detection_probability`` goes with them.
     """
 
     decision: str = "gda"
@@ -46,6 +48,9 @@ class AssociationSettings:
     forgetting_factor: float = 1.0
     signal_threshold: float = 0.0
     clutter_strength: float = 0.0
+    resolution_range_m: float = 0.0
+    resolution_azimuth_rad: float = 0.0
+    unresolved_detection_probability: float = 0.0
 
 
 @dataclass(slots=True)
@@ -66,6 +71,9 @@ class Predictions:
     Where signal strength counts on this scan, and else empty: ``strength_shape`` and
     ``strength_scale`` (H,) of the inverse Gamma density of 1 + mean strength
     (:mod:`gda_tracker.kinematics.signal_strength`), on which ``detection_probability`` rests.
+
+    ``group_candidate`` (H,) marks the hypotheses that may share a detection with another one's; no
+    entries where the sensor resolves all.
     """
 
     key: ScanKey
@@ -90,6 +98,7 @@ class Predictions:
     window_log_class_likelihood: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
     strength_shape: FloatArray = field(default_factory=empty_floats)
     strength_scale: FloatArray = field(default_factory=empty_floats)
+    group_candidate: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
 
     def __len__(self) -> int:
         return len(self.hypothesis_id)
@@ -106,6 +115,13 @@ class Associations:
     ``assigned_detection`` (H,) is the row in the scan or -1. ``cluster_engine`` (G,) indexes
     ``engine_names``; ``cluster_converged`` (G,) is False where an approximate engine did not
     settle.
+
+    Of targets that the sensor may not have resolved, and else empty, E events (E,): the hypotheses
+    ``group_first`` and ``group_second`` of two tracks gave the one detection ``group_detection``
+    between them, or none (-1). ``group_unresolved`` is the probability P_u that the two are not
+    resolved, ``group_log_likelihood`` [log 1/(m rad)] that of the detection, ``group_marginal`` the
+    probability of the event, ``group_chosen`` marks those decided for; a chosen event gives its
+    detection to both, and none of their pairs is chosen.
     """
 
     key: ScanKey
@@ -127,3 +143,10 @@ class Associations:
     cluster_engine: Int32Array
     cluster_converged: BoolArray
     engine_names: tuple[str, ...]
+    group_first: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    group_second: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    group_detection: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    group_unresolved: FloatArray = field(default_factory=empty_floats)
+    group_log_likelihood: FloatArray = field(default_factory=empty_floats)
+    group_marginal: FloatArray = field(default_factory=empty_floats)
+    group_chosen: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
