@@ -324,7 +324,7 @@ def _live_and_end(
     def increments() -> FloatArray:
         return scan_increments(opened.predictions, scores, decided, density)[parents]
 
-    gone: BoolArray = judge(leading, increments, p)
+    gone = judge(leading, increments, p)
     table.status = leading.status[track]
     table.log_likelihood_ratio = leading.log_likelihood_ratio[track]
     if gone.any():
@@ -332,8 +332,7 @@ def _live_and_end(
         kept = leading.detection_numbers[gone]
         taken = np.isin(table.detection_numbers, kept[kept >= 0]).any(axis=1)
         if len(couplings):
-            ended: BoolArray = gone[track]
-            taken = settle_couplings(table, couplings, ended, taken)
+            taken = settle_couplings(table, couplings, np.isin(track, np.flatnonzero(gone)), taken)
         table = table.select(~gone[track] & (table.chosen | ~taken))
     # The global hypothesis has no room for some: they end too, and leave no past.
     left = before.chosen & ~np.isin(before.track_id, table.track_id)
