@@ -3,9 +3,9 @@
 A run depends on the scenario, the seed and the number of the run alone. ``SeedSequence([seed,
 run])`` spawns one stream per source of chance, so that one of them can change (more clutter, say)
 while the others stay as they are: 0 detection, 1 measurement noise, 2 radar cross sections of
-targets, 3 false alarms, 4 order of the detections within a scan, 5 signal strengths, 6 which targets
-the radar resolves (:mod:`gda_tracker.simulation.resolution`). Each stream is drawn for all scans at
-once, scan by scan and within a scan target by target in the order of the file.
+targets, 3 false alarms, 4 order of the detections within a scan, 5 signal strengths, 6 which
+targets the radar resolves (:mod:`gda_tracker.simulation.resolution`). Each stream is drawn for all
+scans at once, scan by scan and within a scan target by target in the order of the file.
 """
 
 from __future__ import annotations
