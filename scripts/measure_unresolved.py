@@ -3,8 +3,8 @@
 
     python scripts/measure_unresolved.py [--runs 200] [--seed 1]
 
-The shipped scenarios unresolved_pair and unresolved_three: the same detections, tracked offline with
-the resolution told and not. Numbers also go to docs/unresolved_ring.json.
+The shipped scenarios unresolved_pair and unresolved_three: the same detections, tracked offline
+with the resolution told and not. Numbers also go to docs/unresolved_ring.json.
 """
 
 from __future__ import annotations

@@ -35,7 +35,8 @@ class AssociationSettings:
     the window is shows in the predictions' arrays. ``signal_threshold`` lambda and
     ``clutter_strength`` c, in mean noise powers, go with the strengths of ``Predictions``.
     ``resolution_range_m`` and ``resolution_azimuth_rad`` are the distances at which half of the
-    pairs of targets are resolved, 0 for a sensor that resolves all; ``unresolved_detection_probability`` goes with them.
+    pairs of targets are resolved, 0 for a sensor that resolves all;
+    ``unresolved_detection_probability`` goes with them.
     """
 
     decision: str = "gda"

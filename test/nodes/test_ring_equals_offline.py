@@ -71,6 +71,20 @@ def test_history_windows(method, window, domain):
     assert differences(played.tracks, expected) == []
 
 
+def test_unresolved_targets(domain):
+    """Who may share a detection, and what it tells of both, travels between the nodes."""
+    plays, parameters = scenario_plays("unresolved_pair", "jpda/none/cv")
+    for item in plays:
+        # From shortly before they meet until they have shared some.
+        item.detections, item.truth = item.detections[:16], item.truth[:16]
+    expected = offline(plays, parameters)
+    played = play_in_one_process(plays, parameters, domain)
+    assert differences(played.tracks, expected) == []
+    untold = {**parameters["track_manager"], "resolution_range_m": 0.0}
+    parameters["track_manager"] = {**untold, "resolution_azimuth_rad": 0.0}
+    assert differences(expected, offline(plays, parameters))
+
+
 def test_sequential_extraction_and_estimated_clutter(domain):
     """The density that association is told changes from scan to scan, and travels exactly."""
     plays, parameters = scenario_plays("crossing_targets", "map/bayes/cv")

@@ -21,6 +21,7 @@ TRACKS, DELAYED, ASSOCIATIONS, ANSWERS = "tracks", "delayed", "associations", "a
 
 JPDA = {"decision": "jpda"}
 MHT = {"decision": "mht"}
+UNRESOLVED = {**JPDA, "resolution_range_m": 200.0, "resolution_azimuth_rad": 0.05}
 STRENGTH = {"signal_strength": "swerling_1"}
 SEQUENTIAL = {"extraction": "sequential"}
 BELIEF_PROPAGATION = {"association": {"max_exact_size": 1}}
@@ -231,6 +232,9 @@ CASES: dict[str, dict[str, Case]] = {
         "confirmation_scans": Case(12, {"tentative_deletion_misses": 5}, arrivals, later=True),
         "deletion_misses": Case(1, later=True),
         "mht_scans": Case(3, MHT, shows=DELAYED),
+        "resolution_range_m": Case(900.0, UNRESOLVED, crowd),
+        "resolution_azimuth_rad": Case(0.4, UNRESOLVED, crowd),
+        "unresolved_detection_probability": Case(0.3, UNRESOLVED, crowd),
         "history_policy": Case("forgetting", {"forgetting_factor": 0.5}),
         "forgetting_factor": Case(0.3, {"history_policy": "forgetting", "forgetting_factor": 0.9}),
         "history_window": Case(2, {"history_policy": "window", "history_window": 8}, later=True),

@@ -330,9 +330,10 @@ def _live_and_end(
     if gone.any():
         # What ends keeps its detections: no other track may turn out to have had them.
         kept = leading.detection_numbers[gone]
-        taken = np.isin(table.detection_numbers, kept[kept >= 0]).any(axis=1)
+        used_up = np.isin(table.detection_numbers, kept[kept >= 0])
+        taken: BoolArray = np.logical_or.reduce(used_up, axis=1)
         if len(couplings):
-            taken = settle_couplings(table, couplings, np.isin(track, np.flatnonzero(gone)), taken)
+            taken = settle_couplings(table, couplings, gone[track], taken)
         table = table.select(~gone[track] & (table.chosen | ~taken))
     # The global hypothesis has no room for some: they end too, and leave no past.
     left = before.chosen & ~np.isin(before.track_id, table.track_id)
