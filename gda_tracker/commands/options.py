@@ -22,6 +22,8 @@ SET_VALUED_TRACKER = "set_valued_tracker"
 TRACK_FUSION = "track_fusion"
 # Node that says what tracks do.
 TRACK_EVENTS = "track_events"
+# Node that counts the objects of formations.
+TRACK_FORMATIONS = "track_formations"
 
 Parameters = dict[str, dict[str, Any]]
 

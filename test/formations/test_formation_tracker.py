@@ -212,6 +212,7 @@ def test_bad_input_is_refused_and_changes_nothing():
     for bad, reason in (
         (live(0.0, [1, 2, 3], now), "tracks_time_backwards"),
         (live(50.0, [1, 2, 3], now, epoch=0), "older_epoch"),
+        (live(8.0, [1, 2, 3], now), "formation_scan_repeated"),
         (live(50.0, [1, 1, 3], now), "tracks_duplicate_track_id"),
         (replace(live(50.0, [1], now[:1]), mean=np.zeros((1, 2))), "tracks_state_too_small"),
     ):
