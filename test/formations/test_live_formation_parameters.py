@@ -12,7 +12,7 @@ from gda_tracker.parameters import specifications
 
 CASES = {
     "largest_number": 3,
-    "overcount_probability": 1e-12,
+    "overcount_probability": 1e-100,
     "undercount_probability": 0.3,
     "number_change_s": 0.0,
     "together_distance_m": 200.0,
