@@ -30,6 +30,7 @@ CASES = {
 # Neither goes without the other.
 RESOLUTION = {"resolution_range_m": 100.0, "resolution_azimuth_rad": 0.01}
 
+DISTANCES = {"together_distance_m": 500.0, "apart_distance_m": 1000.0}
 SPEEDS = ("together_speed_mps", "apart_speed_mps")
 
 # Pairs need some samples, of which there is one each third scan.
@@ -40,7 +41,8 @@ STEP_S = 20.0
 @lru_cache
 def said(slip=8.0, **parameters):
     """Of three tracks one parts from the others; there are false detections and misses."""
-    tracker = FormationTracker(FormationParameters(**parameters))
+    table = {**DISTANCES, **parameters}
+    tracker = FormationTracker(FormationParameters(**table))
     found = []
     for k in range(26):
         time_s = STEP_S * k
