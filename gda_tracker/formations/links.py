@@ -30,9 +30,9 @@ _COLUMNS = test_columns(
     2 * DIRECTION_COUNT, ("other", np.int64), ("next_ns", np.int64), ("patience_ns", np.int64)
 )
 _AT_ONCE = np.iinfo(np.int64).min
-# New tracks wait for the word on their neighbours, but not for one that is never detected: so many
-# times as long as from one independent state to the next.
-PATIENCE = 2
+# New tracks wait for the word on their neighbours, but not for one that is no longer detected: so
+# many times as long as from one independent state (or scan, if longer) to the next.
+PATIENCE = 3
 
 
 class PairLinks:
@@ -42,12 +42,17 @@ class PairLinks:
         self._parameters = parameters
         self._test = parameters.pair_test()
         self._rows = np.zeros(0, dtype=_COLUMNS)
+        self._last_ns: int | None = None
+        self._period_ns = 0
 
     def __len__(self) -> int:
         return len(self._rows)
 
     def step(self, states: States) -> None:
         """Take the confirmed tracks of a scan, by rising id."""
+        if self._last_ns is not None:
+            self._period_ns = max(states.stamp_ns - self._last_ns, self._period_ns)
+        self._last_ns = states.stamp_ns
         rows, ids = self._rows, states.track_id
         rows = rows[np.isin(rows["track_id"], ids) & np.isin(rows["other"], ids)]
         rows = np.concatenate([rows, self._new(states, rows)])
@@ -59,9 +64,9 @@ class PairLinks:
         which = np.flatnonzero(due)
         a, b = first[which], second[which]
         memory = np.maximum(memory_s(states.covariance[a]), memory_s(states.covariance[b]))
-        rows["next_ns"][which] = states.stamp_ns + wait_ns(
-            memory, self._parameters.independence_factor
-        )
+        wait = wait_ns(memory, self._parameters.independence_factor)
+        rows["next_ns"][which] = states.stamp_ns + wait
+        rows["patience_ns"][which] = self._patience(states.stamp_ns, wait)
         p = self._parameters
         in_place = departure_increments(
             states.position[a] - states.position[b],
@@ -97,9 +102,13 @@ class PairLinks:
         new["next_ns"] = _AT_ONCE
         memory = memory_s(states.covariance)
         longest = np.maximum(memory[first], memory[second])
-        wait = PATIENCE * wait_ns(longest, self._parameters.independence_factor)
-        new["patience_ns"] = states.stamp_ns + wait
+        wait = wait_ns(longest, self._parameters.independence_factor)
+        new["patience_ns"] = self._patience(states.stamp_ns, wait)
         return new
+
+    def _patience(self, stamp_ns: int, wait: IntArray) -> IntArray:
+        """Until when (n,) a pair that has a state now is waited for."""
+        return stamp_ns + PATIENCE * np.maximum(wait, self._period_ns)
 
     def groups(self, track_id: IntArray) -> IntArray:
         """Label (T,) of the formation of each of the confirmed tracks, by rising id."""

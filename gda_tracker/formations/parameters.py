@@ -44,16 +44,17 @@ class FormationParameters:
         maximum=1e9,
     )
     together_distance_m: float = parameter(
-        500.0,
+        1000.0,
         "tracks no farther from each other fly together (h0); formations are chains of such "
-        "pairs. A new track is also taken to have begun beside a confirmed one within it",
+        "pairs, and twice the usual spacing lets a chain survive the loss of a track. A new track "
+        "is also taken to have begun beside a confirmed one within it",
         unit="m",
         minimum=0.0,
         minimum_excluded=True,
         maximum=1e6,
     )
     apart_distance_m: float = parameter(
-        1000.0,
+        2000.0,
         "tracks at least so far from each other do not (h1); must exceed together_distance_m by "
         "4 %",
         unit="m",

@@ -32,10 +32,15 @@ from gda_tracker.formations.number_test import (
 )
 from gda_tracker.formations.observations import number_evidence, places_of
 from gda_tracker.formations.parameters import FormationParameters
-from gda_tracker.formations.track_states import check_tracks, chosen_states, usable_states
+from gda_tracker.formations.track_states import (
+    TracksRejected,
+    check_tracks,
+    chosen_states,
+    usable_states,
+)
 from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.hypotheses import Predictions
-from gda_tracker.vocabulary.scans import Scan
+from gda_tracker.vocabulary.scans import Scan, ScanKey
 from gda_tracker.vocabulary.tracks import Tracks
 
 
@@ -69,6 +74,7 @@ class FormationTracker:
         self._epoch: int | None = None
         self._system_uuid = b""
         self._last_ns = 0
+        self._last_key: ScanKey | None = None
         self._ids: list[int] = []
         self._since_ns: list[int] = []
         self._members: list[IntArray] = []
@@ -102,17 +108,19 @@ class FormationTracker:
         Raises
         ------
         TracksRejected
-            ``older_epoch``, ``tracks_time_backwards``, ``tracks_state_too_small`` or
-            ``tracks_duplicate_track_id``; nothing is changed.
+            ``older_epoch``, ``tracks_time_backwards``, ``tracks_state_too_small``,
+            ``tracks_duplicate_track_id`` or ``formation_scan_repeated``; nothing is changed.
         """
         key = tracks.key
         check_tracks(tracks, self._epoch, self._system_uuid, self._last_ns)
+        if (key, tracks.system_uuid) == (self._last_key, self._system_uuid):
+            raise TracksRejected("formation_scan_repeated")
         if (key.epoch, tracks.system_uuid) != (self._epoch, self._system_uuid):
             if self._epoch is not None:
                 self.counters["formations_began_anew"] += 1
             self.reset()
         self._epoch, self._system_uuid = key.epoch, tracks.system_uuid
-        self._last_ns = key.stamp_ns
+        self._last_ns, self._last_key = key.stamp_ns, key
         everyone, confirmed = usable_states(tracks, self.counters)
         states = chosen_states(everyone, confirmed)
         events: list[FormationEvent] = []

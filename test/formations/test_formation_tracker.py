@@ -146,10 +146,10 @@ def test_a_track_that_begins_beside_another_has_it_as_its_parent():
 
 
 def test_between_the_bounds_a_pair_stays_what_it_was():
-    for before, linked in ((300.0, True), (3000.0, False)):
+    for before, linked in ((300.0, True), (6000.0, False)):
         tracker = FormationTracker()
         for k in range(30):
-            gap = before if k < 10 else 740.0  # the middle of 500 m and 1000 m speaks for neither
+            gap = before if k < 10 else 1466.0  # the middle of 1000 m and 2000 m speaks for neither
             now = states_of([[0.0, 20_000.0], [gap, 20_000.0]])
             found = tracker.take(live(STEP_S * k, [1, 2], now))
         assert (len(found.formations) == 1) is linked
@@ -212,6 +212,7 @@ def test_bad_input_is_refused_and_changes_nothing():
     for bad, reason in (
         (live(0.0, [1, 2, 3], now), "tracks_time_backwards"),
         (live(50.0, [1, 2, 3], now, epoch=0), "older_epoch"),
+        (live(8.0, [1, 2, 3], now), "formation_scan_repeated"),
         (live(50.0, [1, 1, 3], now), "tracks_duplicate_track_id"),
         (replace(live(50.0, [1], now[:1]), mean=np.zeros((1, 2))), "tracks_state_too_small"),
     ):
@@ -252,7 +253,7 @@ def test_predictions_that_are_no_numbers_are_not_counted():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"apart_distance_m": 510.0}, "apart_distance_m = 510.0: allowed is a number > 517"),
+        ({"apart_distance_m": 1010.0}, "apart_distance_m = 1010.0: allowed is a number > 1035"),
         ({"together_speed_mps": 40.0}, "apart_speed_mps = 40.0: .* together_speed_mps = 40.0"),
         ({"resolution_range_m": 10.0}, "resolution_range_m = 10.0 and resolution_azimuth_rad = 0"),
         (

@@ -25,6 +25,7 @@ def test_shipped_scenarios_load_by_name_and_path():
         "closely_spaced_targets",
         "crossing_bearings",
         "crossing_targets",
+        "formations",
         "mixed_sensors",
         "moving_emitter",
         "two_sensors",
