@@ -79,6 +79,15 @@ class Sensor:
     resolution_azimuth_deg: float = key(
         "the same in azimuth", unit="deg", minimum=0.0, maximum=180.0, default=0.0
     )
+    range_rate_std_mps: float = key(
+        "range-rate noise; 0: it measures none", default=0.0, unit="m/s", minimum=0.0
+    )
+    blind_speed_mps: float = key(
+        "range rate with half of P_d, for it drops slow echoes; 0: it does not",
+        default=0.0,
+        unit="m/s",
+        minimum=0.0,
+    )
 
     def __post_init__(self) -> None:
         """Refuse a resolution in one of range and azimuth only."""
@@ -92,6 +101,13 @@ class Sensor:
                 f"resolution_range_m = {self.resolution_range_m:g} and false_alarm_probability = "
                 f"{self.false_alarm_probability:g}: allowed is 0 for one of them"
             )
+        for name in ("range_rate_std_mps", "blind_speed_mps"):
+            for other in ("resolution_range_m", "false_alarm_probability"):
+                if getattr(self, name) > 0.0 and getattr(self, other) > 0.0:
+                    raise ParameterError(
+                        f"{name} = {getattr(self, name):g} and {other} = "
+                        f"{getattr(self, other):g}: allowed is 0 for one of them"
+                    )
 
 
 @dataclass(frozen=True)
@@ -133,6 +149,17 @@ class Manoeuvre:
 
 
 @dataclass(frozen=True)
+class Stop:
+    """A target brakes to a standstill, and speeds up again later to the speed it had."""
+
+    start_scan: float = key("scan at which it begins to brake", minimum=1.0)
+    end_scan: float = key("scan at which it begins to speed up", minimum=1.0)
+    braking_mps2: float = key(
+        "change of speed, both times", unit="m/s2", minimum=0.0, minimum_excluded=True
+    )
+
+
+@dataclass(frozen=True)
 class Target:
     """One entry of ``targets``."""
 
@@ -144,6 +171,7 @@ class Target:
     speed_mps: float = key("constant speed", unit="m/s", minimum=0.0)
     initial_heading_deg_ccw_from_north: float = key("heading at scan 1", unit="deg")
     manoeuvres: tuple[Manoeuvre, ...] = ()
+    stops: tuple[Stop, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse turns that overlap, or of a target that stands still."""
@@ -157,6 +185,8 @@ class Target:
                     f"start_scan = {after.start_scan:g}: allowed is >= {before.end_scan:g}, the "
                     f"end of the manoeuvre before"
                 )
+        if self.manoeuvres and self.stops:
+            raise ParameterError("stops: allowed are none for a target with manoeuvres")
 
 
 @dataclass(frozen=True)
@@ -184,6 +214,10 @@ class TrackerKnowledge:
         default="told",
         choices=("told", "untold"),
     )
+    blind_speed_mps: float = key(
+        "blind speed as the tracker is told", default=0.0, unit="m/s", minimum=0.0
+    )
+    imm_standstill: bool = key("filter imm: a third model that has lost its speed", default=False)
 
 
 @dataclass(frozen=True)
@@ -342,11 +376,16 @@ def _read_target(entry: Any, where: str) -> Target:
     if isinstance(entry, Mapping):
         entry = {("class_name" if k == "class" else k): v for k, v in entry.items()}
     turns = entry.get("manoeuvres", []) if isinstance(entry, Mapping) else []
+    halts = entry.get("stops", []) if isinstance(entry, Mapping) else []
     manoeuvres = tuple(
         read_section(Manoeuvre, turn, f"{where}: manoeuvres[{index}]")
         for index, turn in enumerate(check_list(turns, f"{where}: manoeuvres", 0))
     )
-    return read_section(Target, entry, where, manoeuvres=manoeuvres)
+    stops = tuple(
+        read_section(Stop, halt, f"{where}: stops[{index}]")
+        for index, halt in enumerate(check_list(halts, f"{where}: stops", 0))
+    )
+    return read_section(Target, entry, where, manoeuvres=manoeuvres, stops=stops)
 
 
 def _read_attribute(content: Any, where: str) -> Attribute:

@@ -4,8 +4,10 @@ A run depends on the scenario, the seed and the number of the run alone. ``SeedS
 run])`` spawns one stream per source of chance, so that one of them can change (more clutter, say)
 while the others stay as they are: 0 detection, 1 measurement noise, 2 radar cross sections of
 targets, 3 false alarms, 4 order of the detections within a scan, 5 signal strengths, 6 which
-targets the radar resolves (:mod:`gda_tracker.simulation.resolution`). Each stream is drawn for all
-scans at once, scan by scan and within a scan target by target in the order of the file.
+targets the radar resolves (:mod:`gda_tracker.simulation.resolution`), 7 echoes too slow to be kept,
+8 range rates (noise of targets, then those of false alarms, uniform as far as targets go). Each
+stream is drawn for all scans at once, scan by scan and within a scan target by target in the order
+of the file.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ import math
 import numpy as np
 
 from gda_tracker.attributes.rcs import sample
+from gda_tracker.kinematics.blind_zone import BlindZone, detection_probability_at
+from gda_tracker.kinematics.sensor_models import SMALLEST_RANGE_M
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.resolution import merged_detections, unresolved_groups
 from gda_tracker.simulation.scenarios import Scenario
@@ -66,11 +70,15 @@ def simulate(
         One ``Detections`` and one ``ScanTruth`` per scan; the preset holds what the tracker is
         told.
     """
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(7)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(9)]
     states = true_states(scenario)
     n_scans, n_targets = states.shape[:2]
 
     seen = streams[0].random((n_scans, n_targets)) < scenario.sensor.detection_probability
+    speeds = _range_rates(scenario, states)
+    if scenario.sensor.blind_speed_mps:
+        zone = BlindZone(scenario.sensor.blind_speed_mps, 1.0, np.zeros(2))
+        seen &= streams[7].random(seen.shape) < detection_probability_at(speeds, zone)
     seen[: scenario.time.n_initiation_scans] = True
     strengths = scenario.sensor.false_alarm_probability > 0.0
     means = np.array([t.rcs_mean_m2 for t in scenario.targets])
@@ -117,6 +125,12 @@ def simulate(
     period_ns = round(scenario.time.scan_period_s * 1e9)
     classes = tuple(t.class_name for t in scenario.targets)
     position = np.array([*scenario.sensor.position_m, 0.0])
+    rates: FloatArray | None = None
+    if scenario.sensor.range_rate_std_mps:
+        noise = scenario.sensor.range_rate_std_mps * streams[8].standard_normal(speeds.shape)
+        fastest = max(target.speed_mps for target in scenario.targets)
+        false = streams[8].uniform(-fastest, fastest, len(clutter_scan))
+        rates = np.concatenate([(speeds + noise)[seen], false])[order]
     detections, truth = [], []
     for k in range(n_scans):
         rows = slice(begin[k], begin[k + 1])
@@ -127,6 +141,7 @@ def simulate(
                 stamp_ns=stamp_ns,
                 range_m=ranges[rows],
                 azimuth_rad=azimuths[rows],
+                range_rate_mps=None if rates is None else rates[rows],
                 rcs_m2=rcs[rows],
                 rcs_valid=np.ones(begin[k + 1] - begin[k], dtype=bool),
                 sensor_position_m=position.copy(),
@@ -169,6 +184,14 @@ def _measure(
     ranges = np.abs(np.hypot(dx, dy) + scenario.sensor.range_std_m * noise[..., 0])
     azimuth_std = math.radians(scenario.sensor.azimuth_std_deg)
     return ranges, _wrap(np.arctan2(dy, dx) + azimuth_std * noise[..., 1])
+
+
+def _range_rates(scenario: Scenario, states: FloatArray) -> FloatArray:
+    """True range rates (...) of states (..., 4)."""
+    from_sensor = states[..., :2] - np.array(scenario.sensor.position_m)
+    distance = np.hypot(from_sensor[..., 0], from_sensor[..., 1])
+    along: FloatArray = np.sum(from_sensor * states[..., 2:], axis=-1)
+    return along / np.maximum(distance, SMALLEST_RANGE_M)
 
 
 def _clutter(

@@ -9,6 +9,7 @@ import numpy as np
 
 from gda_tracker.association.choices import JPDA
 from gda_tracker.tracking.births import begin_tracks
+from gda_tracker.tracking.blind_zone import apply_zone, count_blind, zone_of
 from gda_tracker.tracking.clutter import clutter_after
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
@@ -121,12 +122,15 @@ def _close_single(
         if scores is not None:
             every = np.arange(len(scores.updated_hypothesis))
             update_heard_beliefs(table, scores, scores.updated_hypothesis.astype(np.int64), every)
-        update_by_marginals(table, opened.scan, scores, associations, p.use_range_rate)
+        zone = zone_of(opened.scan, p)
+        update_by_marginals(table, opened.scan, scores, associations, p.use_range_rate, zone)
+        count_blind(table, opened, np.arange(len(table)), assigned >= 0, zone)
         update_strengths_by_marginals(table, opened.scan, associations, p.signal_threshold)
     else:
         single = assigned_alone(associations)
         update_states(table, opened.scan, single, p.use_range_rate)
         update_chosen_groups(table, opened.table, opened.scan, associations)
+        apply_zone(table, opened, np.arange(len(table)), assigned >= 0, p)
         update_strengths(table, opened.scan, assigned, p.signal_threshold)
         if scores is not None:
             update_beliefs(table, scores, associations.chosen)
@@ -145,7 +149,10 @@ def _close_single(
     count_detections(table, opened.scan, assigned)
     density = opened.clutter_density
     gone = judge(
-        table, lambda: scan_increments(opened.predictions, scores, associations, density), p
+        table,
+        lambda: scan_increments(opened.predictions, scores, associations, density),
+        p,
+        opened.scan.key.stamp_ns,
     )
     state.clutter = clutter_after(state.clutter, opened.scan, table.status, assigned, p)
     deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])

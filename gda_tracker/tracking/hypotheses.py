@@ -31,7 +31,8 @@ class HypothesisTable:
     of the frame, ``class_probability`` (H, C), ``conflict`` (H,). ``log_likelihood_ratio`` (H,) is
     that of sequential extraction, kept under every rule; with ``log_prior_odds`` (H,) of the start
     and ``log_room`` (H,), see :mod:`gda_tracker.tracking.existence`, it says how probably there is
-    a target. The fields of the history window
+    a target; ``blind_scans`` (H,) of the ``coasted_scans`` are explained by a blind zone, see
+    :mod:`gda_tracker.tracking.blind_zone`. The fields of the history window
     are those of ``Predictions``, see :mod:`gda_tracker.tracking.history_window`; no columns without
     a window.
 
@@ -72,6 +73,7 @@ class HypothesisTable:
     log_likelihood_ratio: FloatArray = field(default_factory=empty_floats)
     log_prior_odds: FloatArray = field(default_factory=empty_floats)
     log_room: FloatArray = field(default_factory=empty_floats)
+    blind_scans: FloatArray = field(default_factory=empty_floats)
     conflict: FloatArray = field(default_factory=empty_floats)
     masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
@@ -106,7 +108,7 @@ class HypothesisTable:
         count = len(self)
         if len(self.chosen) != count:
             self.chosen = np.ones(count, dtype=np.bool_)
-        for name in ("log_score", "log_prior_odds", "log_room"):
+        for name in ("log_score", "log_prior_odds", "log_room", "blind_scans"):
             if len(getattr(self, name)) != count:
                 setattr(self, name, np.zeros(count))
         if len(self.detection_numbers) != count:

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gda_tracker.kinematics.blind_zone import BlindZone
+from gda_tracker.tracking.blind_zone import reweight
 from gda_tracker.tracking.group_update import SharedUpdates, shared_updates
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.model_states import set_models
@@ -32,6 +34,7 @@ def update_by_marginals(
     scores: AttributeScores | None,
     associations: Associations,
     use_range_rate: bool = True,
+    zone: BlindZone | None = None,
 ) -> None:
     """Update states and, with scores, beliefs by the joint marginals of the associations."""
     update_states_by_marginals(
@@ -42,6 +45,7 @@ def update_by_marginals(
         associations.joint_marginal,
         use_range_rate,
         shared_updates(table, scan, associations) if len(associations.group_first) else None,
+        zone,
     )
     if scores is not None:
         update_beliefs_by_marginals(table, scores, associations.joint_marginal)
@@ -55,6 +59,7 @@ def update_states_by_marginals(
     marginal: FloatArray,
     use_range_rate: bool = True,
     shared: SharedUpdates | None = None,
+    zone: BlindZone | None = None,
 ) -> None:
     """Update the state of each hypothesis with its detections, weighted by their probabilities.
 
@@ -71,11 +76,17 @@ def update_states_by_marginals(
         As for :func:`state_update.update_states`.
     shared : SharedUpdates, optional
         Updates by detections that hypotheses may share with others.
+    zone : BlindZone, optional
+        Of the sensor: a miss and a hit both say something about the range rate then. Does not go
+        with shared detections.
     """
     if not len(marginal) and shared is None:
+        reweight(table, np.arange(len(table)), zone, detected=False)
         return
     updated = table.select(hypothesis)
     update_states(updated, scan, detection, use_range_rate)
+    reweight(updated, np.arange(len(updated)), zone, detected=True)
+    reweight(table, np.arange(len(table)), zone, detected=False)
     if shared is not None:
         hypothesis = np.concatenate([hypothesis, shared.rows])
         marginal = np.concatenate([marginal, shared.marginal])

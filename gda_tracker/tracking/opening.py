@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gda_tracker.tracking.blind_zone import tell_zone
 from gda_tracker.tracking.clutter import densities_of_hypotheses
 from gda_tracker.tracking.history_window import with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
@@ -67,7 +68,7 @@ def open_scan(
     predictions = tell_strengths(predictions_of(scan.key, table, p, density), scan, table, p)
     return OpenScan(
         scan,
-        predictions,
+        tell_zone(predictions, scan, p),
         table,
         ended_ids,
         started,

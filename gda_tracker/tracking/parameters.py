@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gda_tracker.tracking.parameter_groups.blind_zone import BlindZoneParameters
 from gda_tracker.tracking.parameter_groups.door import DoorParameters
 from gda_tracker.tracking.parameter_groups.history import HistoryParameters
 from gda_tracker.tracking.parameter_groups.life import LifeParameters
@@ -29,6 +30,7 @@ class TrackManagerParameters(
     ResolutionParameters,
     SensorModelParameters,
     StrengthParameters,
+    BlindZoneParameters,
     SensorParameters,
     MethodParameters,
 ):
@@ -37,6 +39,7 @@ class TrackManagerParameters(
     def __post_init__(self) -> None:
         MotionParameters.check(self)
         SensorModelParameters.check(self)
+        BlindZoneParameters.check(self)
         StrengthParameters.check(self)
         ResolutionParameters.check(self)
         LifeParameters.check(self)

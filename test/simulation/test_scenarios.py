@@ -28,6 +28,8 @@ def test_shipped_scenarios_load_by_name_and_path():
         "formations",
         "mixed_sensors",
         "moving_emitter",
+        "stop_and_go",
+        "stop_and_go_unaware",
         "two_sensors",
         "weak_targets",
         "weak_targets_by_rcs",

@@ -221,6 +221,8 @@ CASES: dict[str, dict[str, Case]] = {
         "process_noise_std_mps2": Case(5.0),
         "max_speed_mps": Case(200.0, later=True),
         "detection_probability": Case(0.5, JPDA, crowd),
+        "blind_speed_mps": Case(10.0),
+        "blind_longest_s": Case(1.0, {"blind_speed_mps": 50.0}, later=True),
         "gate_probability": Case(0.5, JPDA, crowd),
         "clutter_density_per_m_rad": Case(1e-4, JPDA, crowd),
         "clutter_density": Case("estimated", JPDA, crowd, later=True),

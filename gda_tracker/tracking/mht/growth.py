@@ -11,6 +11,7 @@ from gda_tracker.association.leaf_pruning import n_scan_decision
 from gda_tracker.association.log_ratios import log_ratios
 from gda_tracker.association.statements import statement_factors
 from gda_tracker.tracking.answers import Inconsistent
+from gda_tracker.tracking.blind_zone import apply_zone
 from gda_tracker.tracking.existence import log_room
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
@@ -162,6 +163,7 @@ def grow(
             opened.table, opened.scan, branches.parent[sharing], partner[sharing], used[sharing]
         )
         put_states(table, sharing, members)
+    apply_zone(table, opened, branches.parent, used >= 0, parameters)
     update_strengths(table, opened.scan, used, parameters.signal_threshold)
     if evidence is not None:
         table.use_frame(evidence.frame, evidence.class_names)
@@ -324,7 +326,7 @@ def _live_and_end(
     def increments() -> FloatArray:
         return scan_increments(opened.predictions, scores, decided, density)[parents]
 
-    gone = judge(leading, increments, p)
+    gone = judge(leading, increments, p, opened.scan.key.stamp_ns)
     table.status = leading.status[track]
     table.log_likelihood_ratio = leading.log_likelihood_ratio[track]
     if gone.any():
