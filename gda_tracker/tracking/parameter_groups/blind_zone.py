@@ -31,7 +31,8 @@ class BlindZoneParameters:
     def check(self) -> None:
         """Raise :class:`ParameterError` for values that do not fit together."""
         several = getattr(self, "sensor_blind_speeds_mps", [])
-        name, value = "blind_speed_mps", self.blind_speed_mps
+        name: str = "blind_speed_mps"
+        value: object = self.blind_speed_mps
         if any(several):
             name, value = "sensor_blind_speeds_mps", several
         if not (self.blind_speed_mps or any(several)):
