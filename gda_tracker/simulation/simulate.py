@@ -127,10 +127,10 @@ def simulate(
     position = np.array([*scenario.sensor.position_m, 0.0])
     rates: FloatArray | None = None
     if scenario.sensor.range_rate_std_mps:
-        noise = scenario.sensor.range_rate_std_mps * streams[8].standard_normal(speeds.shape)
+        rate_noise = scenario.sensor.range_rate_std_mps * streams[8].standard_normal(speeds.shape)
         fastest = max(target.speed_mps for target in scenario.targets)
         false = streams[8].uniform(-fastest, fastest, len(clutter_scan))
-        rates = np.concatenate([(speeds + noise)[seen], false])[order]
+        rates = np.concatenate([(speeds + rate_noise)[seen], false])[order]
     detections, truth = [], []
     for k in range(n_scans):
         rows = slice(begin[k], begin[k + 1])
