@@ -11,6 +11,7 @@ from tracking_examples import SECOND, assert_same, initial_tracks, same_tracks
 
 from gda_tracker.kinematics.blind_zone import BlindZone, detection_probability_at, notched_share
 from gda_tracker.kinematics.gating import gate
+from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.playback import with_method
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import (
@@ -288,3 +289,12 @@ def test_scenarios_with_stops_on_bends_are_refused():
     content["targets"][0]["manoeuvres"] = [turn]
     with pytest.raises(ScenarioError, match="stops: allowed are none"):
         scenario_from_mapping(content)
+
+
+def test_models_that_are_not_combined_are_refused():
+    for change, other in (
+        ({"signal_strength": "swerling_1"}, "signal_strength"),
+        ({"resolution_range_m": 50.0, "resolution_azimuth_rad": 0.01}, "resolution_range_m"),
+    ):
+        with pytest.raises(ParameterError, match=f"blind_speed_mps.*{other}"):
+            Ring({"track_manager": {"blind_speed_mps": 2.0, **change}})

@@ -31,15 +31,15 @@ class BlindZoneParameters:
     def check(self) -> None:
         """Raise :class:`ParameterError` for values that do not fit together."""
         several = getattr(self, "sensor_blind_speeds_mps", [])
-        name: str = "blind_speed_mps"
-        value: object = self.blind_speed_mps
         if any(several):
-            name, value = "sensor_blind_speeds_mps", several
-        if not (self.blind_speed_mps or any(several)):
+            given = f"sensor_blind_speeds_mps = {several}"
+        elif self.blind_speed_mps:
+            given = f"blind_speed_mps = {self.blind_speed_mps}"
+        else:
             return
         for other, off in (("signal_strength", "none"), ("resolution_range_m", 0.0)):
             if getattr(self, other, off) != off:
                 raise ParameterError(
-                    f"parameter {name} = {value}: allowed is 0 with {other} = "
+                    f"parameter {given}: allowed is 0 with {other} = "
                     f"{getattr(self, other)}, for the two are not combined"
                 )
