@@ -129,13 +129,8 @@ def simulate(
     if scenario.sensor.range_rate_std_mps:
         rate_noise = scenario.sensor.range_rate_std_mps * streams[8].standard_normal(speeds.shape)
         fastest = max(target.speed_mps for target in scenario.targets)
-<<<<<<< HEAD
         false_rate = streams[8].uniform(-fastest, fastest, len(clutter_scan))
         rates = np.concatenate([(speeds + rate_noise)[seen], false_rate])[order]
-=======
-        false = streams[8].uniform(-fastest, fastest, len(clutter_scan))
-        rates = np.concatenate([(speeds + rate_noise)[seen], false])[order]
->>>>>>> b0e96990117d84d9a65fee79279904eaaf07f036
     detections, truth = [], []
     for k in range(n_scans):
         rows = slice(begin[k], begin[k + 1])
