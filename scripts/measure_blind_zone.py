@@ -35,12 +35,9 @@ AWARE, UNAWARE = "stop_and_go", "stop_and_go_unaware"
 METHODS = ("gda/none/imm", "map/none/imm", "jpda/none/imm", "mht/none/imm", "map/none/cv")
 RULES = {
     **{(method, "m_of_n"): method for method in METHODS},
-    **{
-        (method, "sequential"): f"{method}, sequential"
-        for method in ("map/none/imm", "mht/none/imm")
-    },
+    **{(method, "sequential"): f"{method}, sequential" for method in ("map/none/imm",)},
 }
-DRAWN = ("mht/none/imm", "sequential")
+DRAWN = ("mht/none/imm", "m_of_n")
 NEAR_M = 60.0
 # Scans before a vehicle brakes, and after it has set off, at which it must be under the same track.
 BEFORE, AFTER = 2, 10
