@@ -210,26 +210,37 @@ def test_a_track_knows_what_bayes_makes_of_its_signals(decision):
 
 
 def test_starting_detections_count_once():
-    """Their ratio is that of (2.49) with the misses between, P_D is that of the strengths."""
+    """Their ratio has misses and P_D of (2.49), against noise and detections of other targets."""
     scan = one_target([9.0])[0]
     scan = with_signals(ring_of(**ON).manager.validate(scan)[0], P, {})
     new = NewTracks(detection=np.array([0]), gap_scans=np.array([3]), first_signal=np.array([20.0]))
     strength, ratio, seen = starts(new, scan, P)
     known = prior(1, P)
-    total = log_signal_density(known, np.array([20.0])) - np.log(
-        detection_probability(known, LAMBDA)
-    )
-    total = total - log_clutter_density(np.array([20.0]), LAMBDA)
+    other = known
+    share = P.mht_new_target_ratio / (1.0 + P.mht_new_target_ratio)
+
+    def log_rest(z):
+        """Of what the detections may be but this target's."""
+        z = np.array([z])
+        noise = np.exp(log_clutter_density(z, LAMBDA))
+        target = np.exp(log_signal_density(other, z)) / detection_probability(other, LAMBDA)
+        return np.log((1.0 - share) * noise + share * target)
+
+    total = log_signal_density(known, np.array([20.0])) - log_rest(20.0)
+    total = total - np.log(detection_probability(known, LAMBDA))
     known = update_detected(known, np.array([20.0]))
     for _ in range(2):
         total = total + np.log1p(-detection_probability(known, LAMBDA))
         known = update_missed(known, LAMBDA)
-    total = total + log_signal_density(known, np.array([9.0]))
-    total = total - log_clutter_density(np.array([9.0]), LAMBDA)
+    total = total + log_signal_density(known, np.array([9.0])) - log_rest(9.0)
     known = update_detected(known, np.array([9.0]))
     given = 2.0 * np.log1p(-P.detection_probability) + np.log(P.detection_probability)
     np.testing.assert_allclose(ratio + seen + given, total, rtol=1e-12)
     np.testing.assert_allclose(strength[0], [known.shape[0], known.scale[0]])
+    # However strong the first signal, it counts as one new target at most.
+    new.first_signal = np.array([1e6])
+    weak = replace(scan, signal_strength=np.array([LAMBDA]))
+    assert starts(new, weak, P)[1][0] < np.log(1.0 / share)
 
 
 def test_strong_signals_speak_for_a_target_and_faint_ones_against():
