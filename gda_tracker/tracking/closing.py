@@ -10,6 +10,7 @@ import numpy as np
 from gda_tracker.association.choices import JPDA
 from gda_tracker.tracking.births import begin_tracks
 from gda_tracker.tracking.clutter import clutter_after
+from gda_tracker.tracking.detection_map import detection_map_after
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
 from gda_tracker.tracking.group_update import assigned_alone, update_chosen_groups
@@ -148,6 +149,7 @@ def _close_single(
         table, lambda: scan_increments(opened.predictions, scores, associations, density), p
     )
     state.clutter = clutter_after(state.clutter, opened.scan, table.status, assigned, p)
+    state.looks = detection_map_after(state.looks, opened, associations, assigned, p)
     deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
     if gone.any():
         table = table.select(~gone)
@@ -182,6 +184,9 @@ def _close_trees(
     decided = replace(associations, assigned_detection=growth.assigned)
     state.clutter = clutter_after(
         state.clutter, opened.scan, opened.table.status, growth.assigned, parameters
+    )
+    state.looks = detection_map_after(
+        state.looks, opened, associations, growth.assigned, parameters
     )
     table, points = _begin_tracks(opened, table, decided, evidence, state, parameters, counters)
     return ClosedScan(table, points, deleted, TRACKED, growth.assigned, past)

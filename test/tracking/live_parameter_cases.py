@@ -220,6 +220,10 @@ CASES: dict[str, dict[str, Case]] = {
         "process_noise_std_mps2": Case(5.0),
         "max_speed_mps": Case(200.0, later=True),
         "detection_probability": Case(0.5, JPDA, crowd),
+        "detection_probability_map": Case("estimated", JPDA, crowd, later=True),
+        "detection_memory_scans": Case(
+            3.0, {**JPDA, "detection_probability_map": "estimated"}, crowd, later=True
+        ),
         "gate_probability": Case(0.5, JPDA, crowd),
         "clutter_density_per_m_rad": Case(1e-4, JPDA, crowd),
         "clutter_density": Case("estimated", JPDA, crowd, later=True),

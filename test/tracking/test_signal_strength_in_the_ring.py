@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from scipy.stats import invgamma
 from tracking_examples import assert_same, moving, ring_of, scan_at, simulated
 
 from gda_tracker.association.log_ratios import log_ratios
+from gda_tracker.evaluation.association_log import log_entry
+from gda_tracker.evaluation.explanation import explain, explanation_lines
 from gda_tracker.kinematics.gating import gate
 from gda_tracker.kinematics.pair_strengths import log_detected_ratio, pair_log_ratio
 from gda_tracker.kinematics.signal_strength import (
@@ -359,6 +362,25 @@ def test_revised_tracks_tell_the_strength_of_their_time():
     assert len(delayed) >= 2
     for tracks in delayed:
         np.testing.assert_array_equal(tracks.signal_strength, now[tracks.key.stamp_ns])
+
+
+def test_why_tells_strength_and_position_apart():
+    ring = ring_of(**ON)
+    for scan in one_target([9.0, 30.0, 12.0]):
+        result = ring.process(scan)
+    entry = json.loads(json.dumps(log_entry(result)))
+    terms = {term["term"]: term["value"] for term in entry["pairs"][0]["terms"]}
+    told = result.predictions
+    known = Strengths(told.strength_shape, told.strength_scale)
+    ratio = log_detected_ratio(known, np.array([12.0]), LAMBDA)[0]
+    assert terms["signal_strength"] == pytest.approx(ratio)
+    total = result.associations.kinematic_log_likelihood[0]
+    assert terms["kinematic_log_likelihood"] == pytest.approx(total - ratio)
+    text = "\n".join(explanation_lines(explain([entry], 0, entry["pairs"][0]["track_id"])))
+    mean, variance = known.log_moments()
+    decibel = 10.0 / np.log(10.0) * np.array([mean[0], np.sqrt(variance[0])])
+    assert f"is {decibel[0]:.1f} dB +- {decibel[1]:.1f} dB over the noise" in text
+    assert f"strength    log ratio {ratio:+.2f} of a target's signal" in text
 
 
 def test_a_name_is_asked_for():
