@@ -10,6 +10,7 @@ import pytest
 from scripts import measure_resolution as resolution
 from scripts import measure_signal_strength as strength
 from scripts import measure_unresolved as ring
+from scripts import measure_strength_in_the_ring as in_the_ring
 
 DOCS = resolution.ROOT / "docs"
 
@@ -72,3 +73,33 @@ def test_a_small_run_of_strengths_agrees():
             assert numbers["strengths"][x][f"{rate:g}"]["difference"][0] > 0.1
             false = numbers["strengths"][x][f"{rate:g}"]["false"]
             assert max(false.values()) == pytest.approx(rate, rel=0.1)
+
+
+def test_the_ring_finds_more_weak_targets_at_as_many_false_tracks():
+    """Done when: a stated measured gain, over the position alone and over RCS as an attribute."""
+    numbers = measured("strength_in_the_ring.json")
+    assert section("signal-strength.md", "ring gain") == in_the_ring.gain_table(numbers)
+    assert section("signal-strength.md", "ring consistency") == in_the_ring.consistency_table(
+        numbers
+    )
+    main = numbers["decisions"][in_the_ring.MAIN]
+    for rate in in_the_ring.FALSE_TRACKS:
+        entry = main[f"{rate:g}"]
+        assert all(entry[name]["false_tracks"] <= rate for name in in_the_ring.KNOWLEDGE)
+        for name in (in_the_ring.ALONE, in_the_ring.MEASURED):
+            gain, error = entry[name]["gain_of_strength"][0]
+            assert gain > 2.0 * error
+    # NEES of four components, and 90 % intervals of the strength.
+    kept = numbers["consistency"]
+    for mean, error in kept["position"]:
+        assert mean < 4.0 + 3.0 * error
+    assert all(abs(share - 0.9) < 0.07 for share in kept["strength inside 90 %"])
+
+
+def test_a_small_run_in_the_ring_is_paired_and_limited():
+    numbers = in_the_ring.gains(in_the_ring.load_scenario("weak_targets"), "map", 3, 5)
+    for knowledge in in_the_ring.KNOWLEDGE:
+        one = numbers["0.5"][knowledge]
+        assert one["false_tracks"] <= 0.5
+        assert one["share"] == sorted(one["share"])
+        assert one["share"][-1] > 0.5

@@ -18,6 +18,8 @@ import numpy as np
 
 from gda_tracker.evaluation.group_entries import group_entries
 from gda_tracker.kinematics.gating import gate_threshold
+from gda_tracker.kinematics.pair_strengths import pair_log_ratio
+from gda_tracker.kinematics.signal_strength import Strengths
 from gda_tracker.tracking.ring import RingResult
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.beliefs import AttributeScores
@@ -26,6 +28,7 @@ from gda_tracker.vocabulary.scans import Scan
 from gda_tracker.vocabulary.tracks import Tracks
 
 MHT = "mht"
+DECIBEL_OF_E = 10.0 / math.log(10.0)
 DECIDED_BY = {
     "gda": "p_generalised",
     "map": "log_likelihood_ratio",
@@ -46,7 +49,10 @@ Term = tuple[FloatArray, FloatArray]
 
 
 def pair_terms(
-    predictions: Predictions, scores: AttributeScores | None, associations: Associations
+    predictions: Predictions,
+    scores: AttributeScores | None,
+    associations: Associations,
+    scan: Scan | None = None,
 ) -> dict[str, Term]:
     """Values (P,) and thresholds (P,) of every term of the decision, by name.
 
@@ -56,9 +62,11 @@ def pair_terms(
     - ``mahalanobis_squared``: the gate, (14.1).
     - ``kinematic_log_likelihood`` log g [log 1/(m rad)]: from log[beta (1 - P_d) / P_d] on the pair
       alone is more likely than a miss and a false alarm.
+    - ``signal_strength``, where it counts: log ratio of the densities of the signal's strength, the
+      target's over clutter's; from 0 on it speaks for the pair. It needs the ``scan``.
     - ``attribute_log_likelihood``: from the false alarm's own likelihood on the attribute speaks
       for the pair.
-    - ``log_likelihood_ratio``: both together, log[P_d g l / ((1 - P_d) beta l_false)], from 0 on.
+    - ``log_likelihood_ratio``: all together, log[P_d g l / ((1 - P_d) beta l_false)], from 0 on.
     - ``attribute_distance``: where the term has one; no threshold.
     - ``p_kinematic``, ``p_attribute``, ``p_generalised``, ``joint_marginal``: as in
       :class:`~gda_tracker.vocabulary.hypotheses.Associations`; they compete, without a threshold.
@@ -81,6 +89,12 @@ def pair_terms(
         "mahalanobis_squared": (decided.mahalanobis_squared, gate),
         "kinematic_log_likelihood": (kinematic, worth),
     }
+    strength = None
+    if scan is not None:
+        strength = pair_log_ratio(scan, predictions, decided.hypothesis, decided.detection)
+    if strength is not None:
+        terms["kinematic_log_likelihood"] = (kinematic - strength, worth)
+        terms["signal_strength"] = (strength, np.zeros(n))
     if decided.attribute_term != "none":
         terms["attribute_log_likelihood"] = (attribute, clutter)
     terms["log_likelihood_ratio"] = (ratio, np.zeros(n))
@@ -173,18 +187,32 @@ def decision_entry(
                 "hypothesis_id": hypothesis,
                 "detection": None if index < 0 else int(source[index]),
                 "log_miss_probability": _number(miss),
+                **strength,
             }
-            for track, hypothesis, index, miss in zip(
+            for track, hypothesis, index, miss, strength in zip(
                 predictions.track_id.tolist(),
                 predictions.hypothesis_id.tolist(),
                 decided.assigned_detection.tolist(),
                 log_miss.tolist(),
+                _strengths(predictions),
                 strict=True,
             )
         ],
         "pairs": _pairs(scan, predictions, scores, decided, decided_by),
         **group_entries(scan, predictions, decided),
     }
+
+
+def _strengths(predictions: Predictions) -> list[dict[str, float]]:
+    """What each hypothesis expects of its signals, where they count."""
+    if not len(predictions.strength_shape):
+        return [{} for _ in range(len(predictions))]
+    known = Strengths(predictions.strength_shape, predictions.strength_scale)
+    mean, variance = known.log_moments()
+    return [
+        {"strength_db": DECIBEL_OF_E * level, "strength_std_db": DECIBEL_OF_E * spread}
+        for level, spread in zip(mean.tolist(), np.sqrt(variance).tolist(), strict=True)
+    ]
 
 
 def _pairs(
@@ -194,7 +222,7 @@ def _pairs(
     decided: Associations,
     decided_by: str | None,
 ) -> list[dict[str, Any]]:
-    terms = pair_terms(predictions, scores, decided)
+    terms = pair_terms(predictions, scores, decided, scan)
     rows, columns = decided.hypothesis, decided.detection
     track, source = predictions.track_id[rows].tolist(), scan.source_index[columns].tolist()
     hypothesis = predictions.hypothesis_id[rows].tolist()

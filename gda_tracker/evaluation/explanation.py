@@ -205,6 +205,11 @@ def explanation_lines(found: Entry) -> list[str]:
         f"  without a detection: log(1 - P_d) = {_plain(miss)}, a chance of "
         f"{_percent(0.0 if miss is None else math.exp(miss))} to be missed"
     )
+    if "strength_db" in hypotheses[0]:
+        lines.append(
+            f"  signal strength: 1 + mean strength is {hypotheses[0]['strength_db']:.1f} dB "
+            f"+- {hypotheses[0]['strength_std_db']:.1f} dB over the noise; P_d follows from it"
+        )
     for pair, others in _by_detection(found["pairs"], found["decided_by"]):
         lines += ["", *_pair_lines(pair, found)]
         if others:
@@ -268,6 +273,12 @@ def _pair_lines(pair: Entry, found: Entry) -> list[str]:
             "a miss and a false alarm are as likely at",
         )
     )
+    strength = terms.get("signal_strength")
+    if strength is not None:
+        lines.append(
+            f"    strength    log ratio {_signed(strength['value'])} of a target's signal over a "
+            f"false one: {_times(strength['value'], 0.0)}"
+        )
     attribute = terms.get("attribute_log_likelihood")
     if attribute is not None:
         text = _weighed(attribute, "1/m2", "from a false alarm")

@@ -28,6 +28,7 @@ import numpy as np
 from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import ROW_FIELDS, HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
+from gda_tracker.tracking.looks import DetectionMap
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.manager_state import ManagerState
 from gda_tracker.tracking.mht.couplings import Couplings
@@ -42,6 +43,7 @@ _TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal")
 _POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))
 _COUPLING_FIELDS = tuple(f.name for f in dataclasses.fields(Couplings))
 _CLUTTER_FIELDS = ("extent_m", "exposure_scans", "count")
+_LOOKS_FIELDS = ("extent_m", "hits", "misses")
 # Fields of ManagerState that are written as they are.
 _PLAIN = (
     "next_track_id",
@@ -70,6 +72,7 @@ def save(manager: TrackManager, path: Path) -> None:
     arrays |= {f"points_{name}": getattr(state.points, name) for name in _POINT_FIELDS}
     arrays |= {f"clutter_{name}": getattr(state.clutter, name) for name in _CLUTTER_FIELDS}
     arrays |= {f"couplings_{name}": getattr(state.couplings, name) for name in _COUPLING_FIELDS}
+    arrays |= {f"looks_{name}": getattr(state.looks, name) for name in _LOOKS_FIELDS}
     arrays["deleted_track_id"] = state.deleted_track_id
     for place, generation in enumerate(state.generations):
         arrays |= _table_arrays(f"generation{place}", generation.table)
@@ -182,6 +185,7 @@ def _rest(manager: TrackManager) -> dict[str, Any]:
         ],
         "last_sensors": state.last_sensors,
         "clutter_sensors": state.clutter.sensor_ids,
+        "looks_sensors": state.looks.sensor_ids,
         "last_key": None if state.last_key is None else state.last_key[1:],
         "last_report": report,
         "initialised_from": origin,
@@ -240,6 +244,12 @@ def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> M
                 for name in _COUPLING_FIELDS
                 if f"couplings_{name}" in arrays
             }
+        ),
+        looks=DetectionMap(
+            tuple(rest.get("looks_sensors", ())),
+            **{
+                name: arrays[f"looks_{name}"] for name in _LOOKS_FIELDS if f"looks_{name}" in arrays
+            },
         ),
         last_sensors=tuple(rest["last_sensors"]),
         last_key=key,

@@ -11,6 +11,7 @@ from gda_tracker.association.choices import JPDA
 from gda_tracker.tracking.births import begin_tracks
 from gda_tracker.tracking.blind_zone import apply_zone, count_blind, zone_of
 from gda_tracker.tracking.clutter import clutter_after
+from gda_tracker.tracking.detection_map import detection_map_after
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
 from gda_tracker.tracking.group_update import assigned_alone, update_chosen_groups
@@ -155,6 +156,7 @@ def _close_single(
         opened.scan.key.stamp_ns,
     )
     state.clutter = clutter_after(state.clutter, opened.scan, table.status, assigned, p)
+    state.looks = detection_map_after(state.looks, opened, associations, assigned, p)
     deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
     if gone.any():
         table = table.select(~gone)
@@ -189,6 +191,9 @@ def _close_trees(
     decided = replace(associations, assigned_detection=growth.assigned)
     state.clutter = clutter_after(
         state.clutter, opened.scan, opened.table.status, growth.assigned, parameters
+    )
+    state.looks = detection_map_after(
+        state.looks, opened, associations, growth.assigned, parameters
     )
     table, points = _begin_tracks(opened, table, decided, evidence, state, parameters, counters)
     return ClosedScan(table, points, deleted, TRACKED, growth.assigned, past)

@@ -90,7 +90,7 @@ def observe(
             merged = count[0::2] + count[1::2]
             count = np.concatenate([merged, np.zeros_like(merged)])
     keep = 1.0 - 1.0 / memory_scans
-    cell = _cells(measurements.range_m[free], measurements.azimuth_rad[free], extent)
+    cell = cells_of(measurements.range_m[free], measurements.azimuth_rad[free], extent)
     fresh = np.bincount(cell, minlength=RANGE_CELLS * AZIMUTH_CELLS)
     extents[row], exposures[row] = extent, keep * exposure + 1.0
     counts[row] = keep * count + fresh.reshape(RANGE_CELLS, AZIMUTH_CELLS)
@@ -131,7 +131,7 @@ def densities(
     prior_scans = max(FIRST_PRIOR_SCANS * left, LEAST_PRIOR_SCANS)
     volume = (extent / RANGE_CELLS) * (2.0 * math.pi / AZIMUTH_CELLS)
     inside = range_m < extent
-    cell = _cells(range_m[inside], azimuth_rad[inside], extent)
+    cell = cells_of(range_m[inside], azimuth_rad[inside], extent)
     found = np.full(len(range_m), given_density)
     counted = clutter.count[row].reshape(-1)[cell] / volume
     found[inside] = (prior_scans * given_density + counted) / (prior_scans + exposure)
@@ -182,7 +182,7 @@ def clutter_after(
     )
 
 
-def _cells(range_m: FloatArray, azimuth_rad: FloatArray, extent_m: float) -> IntArray:
+def cells_of(range_m: FloatArray, azimuth_rad: FloatArray, extent_m: float) -> IntArray:
     """Cells of points inside the extent, counted row by row."""
     ring = np.minimum((range_m * (RANGE_CELLS / extent_m)).astype(np.int64), RANGE_CELLS - 1)
     turn = np.mod(azimuth_rad / (2.0 * math.pi), 1.0)

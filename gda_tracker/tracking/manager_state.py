@@ -10,6 +10,7 @@ import numpy as np
 from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
+from gda_tracker.tracking.looks import DetectionMap
 from gda_tracker.tracking.mht.couplings import Couplings
 from gda_tracker.tracking.mht.generations import Generation
 from gda_tracker.tracking.statement_desk import StatementDesk
@@ -55,6 +56,7 @@ class ManagerState:
     initialised_from: tuple[bytes, int] | None = None
     scans_closed: int = 0
     clutter: ClutterMap = field(default_factory=ClutterMap)
+    looks: DetectionMap = field(default_factory=DetectionMap)
     generations: list[Generation] = field(default_factory=list)
     desk: StatementDesk = field(default_factory=StatementDesk)
     couplings: Couplings = field(default_factory=Couplings)

@@ -9,6 +9,7 @@ import numpy as np
 
 from gda_tracker.tracking.blind_zone import tell_zone
 from gda_tracker.tracking.clutter import densities_of_hypotheses
+from gda_tracker.tracking.detection_map import tell_detection_map
 from gda_tracker.tracking.history_window import with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
@@ -66,6 +67,7 @@ def open_scan(
     if state.desk.waiting:
         scan = _with_statements(scan, table, state, p, counters)
     predictions = tell_strengths(predictions_of(scan.key, table, p, density), scan, table, p)
+    predictions = tell_detection_map(predictions, state.looks, scan, table.mean, p)
     return OpenScan(
         scan,
         tell_zone(predictions, scan, p),

@@ -189,6 +189,11 @@ def starts(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What the detections that start tracks (N,) say by their strengths.
 
+    Two detections that are not one target's need not both be false: either may be the only one of
+    another target, and then it is strong. So what a target's strengths are compared with is here
+    the mixture of false detections and of new targets, in the ratio ``mht_new_target_ratio``. Else
+    one strong signal would vouch for any false detection that it is paired with.
+
     Returns
     -------
     strength
@@ -205,11 +210,11 @@ def starts(
     known = prior(count, p)
     if scan.signal_strength is None:
         return _stacked(known), np.zeros(count), np.zeros(count)
-    lambda_, clutter = p.signal_threshold, p.clutter_signal_strength
+    lambda_ = p.signal_threshold
     signal = scan.signal_strength[new.detection]
     log_ratio, log_seen = np.zeros(count), np.zeros(count)
     if not scan.sensor_model:  # else one detection starts a track
-        log_ratio = log_detected_ratio(known, new.first_signal, lambda_, clutter)
+        log_ratio = _against_others(known, new.first_signal, p)
         known = _after(known, new.first_signal, lambda_)
         given = p.detection_probability
         for number in range(1, int(new.gap_scans.max(initial=0))):
@@ -222,7 +227,9 @@ def starts(
                 np.where(between, missed.scale, known.scale),
             )
         log_seen += np.log(detection_probability(known, lambda_)) - _vanishing(np.log, given)
-    log_ratio = log_ratio + log_detected_ratio(known, signal, lambda_, clutter)
+        log_ratio += _against_others(known, signal, p)
+    else:
+        log_ratio = log_detected_ratio(known, signal, lambda_, p.clutter_signal_strength)
     return _stacked(_after(known, signal, lambda_)), log_ratio, log_seen
 
 
@@ -249,6 +256,19 @@ def told_strengths(
         DECIBEL_OF_E * np.sqrt(variance),
         detection_probability(known, lambda_),
     )
+
+
+def _against_others(
+    known: Strengths, signal: FloatArray, parameters: TrackManagerParameters
+) -> FloatArray:
+    """Log ratio (N,) of the strengths, against detections that are false or a new target's."""
+    p = parameters
+    ratios = [
+        log_detected_ratio(each, signal, p.signal_threshold, p.clutter_signal_strength)
+        for each in (known, prior(len(signal), p))
+    ]
+    share = p.mht_new_target_ratio / (1.0 + p.mht_new_target_ratio)
+    return ratios[0] - np.logaddexp(np.log1p(-share), np.log(share) + ratios[1])
 
 
 def _after(known: Strengths, signal: FloatArray, lambda_: float) -> Strengths:

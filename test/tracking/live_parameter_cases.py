@@ -223,6 +223,10 @@ CASES: dict[str, dict[str, Case]] = {
         "detection_probability": Case(0.5, JPDA, crowd),
         "blind_speed_mps": Case(10.0),
         "blind_longest_s": Case(1.0, {"blind_speed_mps": 50.0}, later=True),
+        "detection_probability_map": Case("estimated", JPDA, crowd, later=True),
+        "detection_memory_scans": Case(
+            3.0, {**JPDA, "detection_probability_map": "estimated"}, crowd, later=True
+        ),
         "gate_probability": Case(0.5, JPDA, crowd),
         "clutter_density_per_m_rad": Case(1e-4, JPDA, crowd),
         "clutter_density": Case("estimated", JPDA, crowd, later=True),

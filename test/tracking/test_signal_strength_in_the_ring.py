@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from scipy.stats import invgamma
 from tracking_examples import assert_same, moving, ring_of, scan_at, simulated
 
 from gda_tracker.association.log_ratios import log_ratios
+from gda_tracker.evaluation.association_log import log_entry
+from gda_tracker.evaluation.explanation import explain, explanation_lines
 from gda_tracker.kinematics.gating import gate
 from gda_tracker.kinematics.pair_strengths import log_detected_ratio, pair_log_ratio
 from gda_tracker.kinematics.signal_strength import (
@@ -210,26 +213,37 @@ def test_a_track_knows_what_bayes_makes_of_its_signals(decision):
 
 
 def test_starting_detections_count_once():
-    """Their ratio is that of (2.49) with the misses between, P_D is that of the strengths."""
+    """Their ratio has misses and P_D of (2.49), against noise and detections of other targets."""
     scan = one_target([9.0])[0]
     scan = with_signals(ring_of(**ON).manager.validate(scan)[0], P, {})
     new = NewTracks(detection=np.array([0]), gap_scans=np.array([3]), first_signal=np.array([20.0]))
     strength, ratio, seen = starts(new, scan, P)
     known = prior(1, P)
-    total = log_signal_density(known, np.array([20.0])) - np.log(
-        detection_probability(known, LAMBDA)
-    )
-    total = total - log_clutter_density(np.array([20.0]), LAMBDA)
+    other = known
+    share = P.mht_new_target_ratio / (1.0 + P.mht_new_target_ratio)
+
+    def log_rest(z):
+        """Of what the detections may be but this target's."""
+        z = np.array([z])
+        noise = np.exp(log_clutter_density(z, LAMBDA))
+        target = np.exp(log_signal_density(other, z)) / detection_probability(other, LAMBDA)
+        return np.log((1.0 - share) * noise + share * target)
+
+    total = log_signal_density(known, np.array([20.0])) - log_rest(20.0)
+    total = total - np.log(detection_probability(known, LAMBDA))
     known = update_detected(known, np.array([20.0]))
     for _ in range(2):
         total = total + np.log1p(-detection_probability(known, LAMBDA))
         known = update_missed(known, LAMBDA)
-    total = total + log_signal_density(known, np.array([9.0]))
-    total = total - log_clutter_density(np.array([9.0]), LAMBDA)
+    total = total + log_signal_density(known, np.array([9.0])) - log_rest(9.0)
     known = update_detected(known, np.array([9.0]))
     given = 2.0 * np.log1p(-P.detection_probability) + np.log(P.detection_probability)
     np.testing.assert_allclose(ratio + seen + given, total, rtol=1e-12)
     np.testing.assert_allclose(strength[0], [known.shape[0], known.scale[0]])
+    # However strong the first signal, it counts as one new target at most.
+    new.first_signal = np.array([1e6])
+    weak = replace(scan, signal_strength=np.array([LAMBDA]))
+    assert starts(new, weak, P)[1][0] < np.log(1.0 / share)
 
 
 def test_strong_signals_speak_for_a_target_and_faint_ones_against():
@@ -348,6 +362,25 @@ def test_revised_tracks_tell_the_strength_of_their_time():
     assert len(delayed) >= 2
     for tracks in delayed:
         np.testing.assert_array_equal(tracks.signal_strength, now[tracks.key.stamp_ns])
+
+
+def test_why_tells_strength_and_position_apart():
+    ring = ring_of(**ON)
+    for scan in one_target([9.0, 30.0, 12.0]):
+        result = ring.process(scan)
+    entry = json.loads(json.dumps(log_entry(result)))
+    terms = {term["term"]: term["value"] for term in entry["pairs"][0]["terms"]}
+    told = result.predictions
+    known = Strengths(told.strength_shape, told.strength_scale)
+    ratio = log_detected_ratio(known, np.array([12.0]), LAMBDA)[0]
+    assert terms["signal_strength"] == pytest.approx(ratio)
+    total = result.associations.kinematic_log_likelihood[0]
+    assert terms["kinematic_log_likelihood"] == pytest.approx(total - ratio)
+    text = "\n".join(explanation_lines(explain([entry], 0, entry["pairs"][0]["track_id"])))
+    mean, variance = known.log_moments()
+    decibel = 10.0 / np.log(10.0) * np.array([mean[0], np.sqrt(variance[0])])
+    assert f"is {decibel[0]:.1f} dB +- {decibel[1]:.1f} dB over the noise" in text
+    assert f"strength    log ratio {ratio:+.2f} of a target's signal" in text
 
 
 def test_a_name_is_asked_for():

@@ -55,6 +55,18 @@ class SensorParameters:
     detection_probability: float = parameter(
         0.9, "chance that a target is detected on a scan", minimum=0.0, maximum=1.0
     )
+    detection_probability_map: str = parameter(
+        GIVEN,
+        "given: detection_probability everywhere; estimated: by region of range and azimuth, from "
+        "hits and misses of confirmed tracks, beginning with it",
+        choices=CLUTTER_DENSITIES,
+    )
+    detection_memory_scans: float = parameter(
+        200.0,
+        "estimated: scans after which a hit or a miss has faded to 1/e",
+        minimum=2.0,
+        advanced=True,
+    )
     gate_probability: float = parameter(
         0.99,
         "chance that a target's own detection lies in its gate",

@@ -90,6 +90,15 @@ class StrengthParameters:
                 f"with signal_strength = {self.signal_strength!r}"
             )
 
+        # What else decides the detection probability; parameters of other groups.
+        for name, off in (("detection_probability_map", "given"), ("blind_speed_mps", 0.0)):
+            if self.signal_strength != NONE and getattr(self, name, off) != off:
+                raise ParameterError(
+                    f"parameter {name} = {getattr(self, name)!r}: allowed is {off!r} with "
+                    f"signal_strength = {self.signal_strength!r}, from which the detection "
+                    "probability follows"
+                )
+
     @property
     def signal_threshold(self) -> float:
         """Lambda [1]: strengths above it are detections."""
