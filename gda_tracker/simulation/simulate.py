@@ -96,9 +96,9 @@ def simulate(
     if scenario.sensor.resolution_range_m > 0.0:
         groups = unresolved_groups(scenario, states[..., :2], streams[6])
         groups[: scenario.time.n_initiation_scans] = np.arange(n_targets)
-        noise = target_range, target_azimuth
+        measured = target_range, target_azimuth
         seen, target_range, target_azimuth, target_rcs, owner = merged_detections(
-            scenario, states[..., :2], groups, seen, noise, target_rcs, streams[6]
+            scenario, states[..., :2], groups, seen, measured, target_rcs, streams[6]
         )
     else:
         owner = np.tile(np.arange(n_targets), (n_scans, 1))
