@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import chdtri
 
+from gda_tracker.kinematics.extended.cell_ratios import log_cell_ratios
 from gda_tracker.kinematics.measurement_models import observed
 from gda_tracker.kinematics.model_gating import densities, gated_components
 from gda_tracker.kinematics.sensor_models import (
@@ -58,7 +59,19 @@ def gate_threshold(gate_probability: float, dimension: int = MEASUREMENT_DIMENSI
 
 
 def gate(scan: Scan, predictions: Predictions) -> GatedPairs:
-    """Return the pairs whose squared Mahalanobis distance is at most the gate threshold."""
+    """Return the pairs whose squared Mahalanobis distance is at most the gate threshold.
+
+    Of extended objects number and scatter of a cell's detections are in the log likelihood too.
+    """
+    found = _gate_positions(scan, predictions)
+    if scan.cells is not None:
+        found.log_likelihood = found.log_likelihood + log_cell_ratios(
+            scan, predictions, found.hypothesis, found.detection
+        )
+    return found
+
+
+def _gate_positions(scan: Scan, predictions: Predictions) -> GatedPairs:
     if scan.sensor_model:
         return _gate_by_model(scan, predictions)
     measurements = polar_measurements(scan)

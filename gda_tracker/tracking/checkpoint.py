@@ -2,7 +2,7 @@
 
 The file holds no code and no pickles::
 
-    text      "gda_tracker checkpoint 5" and a line feed
+    text      "gda_tracker checkpoint 6" and a line feed
     8 bytes   length of the header, unsigned, little-endian
     header    JSON in UTF-8: {"rest": {...}, "arrays": [[name, dtype, shape], ...]}
     arrays    their bytes one after the other, row-major
@@ -34,10 +34,10 @@ from gda_tracker.tracking.mht.generations import Generation
 from gda_tracker.tracking.statement_desk import desk_from_plain, desk_to_plain
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 
-MAGIC = b"gda_tracker checkpoint 5\n"
+MAGIC = b"gda_tracker checkpoint 6\n"
 _LENGTH = struct.Struct("<Q")
 _CHECKSUM = struct.Struct("<I")
-_TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal")
+_TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal", "cell_members")
 _POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))
 _CLUTTER_FIELDS = ("extent_m", "exposure_scans", "count")
 # Fields of ManagerState that are written as they are.

@@ -10,6 +10,7 @@ import numpy as np
 from gda_tracker.association.choices import JPDA
 from gda_tracker.tracking.births import begin_tracks
 from gda_tracker.tracking.clutter import clutter_after
+from gda_tracker.tracking.extended.updates import update_extents, update_extents_by_marginals
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
 from gda_tracker.tracking.history_window import remember
@@ -130,6 +131,10 @@ def _close_single(
             table, opened.table, opened.scan.statements, with_classes=scores is not None
         )
     merge_components(table, p)
+    if opened.scan.cells is not None and associations.decision == JPDA:
+        update_extents_by_marginals(table, opened.table, opened.scan, associations, p)
+    elif opened.scan.cells is not None:
+        update_extents(table, opened.table, opened.scan, assigned, p)
     if scores is not None and evidence is not None:
         taken = np.flatnonzero(associations.chosen)
         remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])

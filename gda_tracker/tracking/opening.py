@@ -8,10 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from gda_tracker.tracking.clutter import densities_of_hypotheses
+from gda_tracker.tracking.extended.cells import scan_of_cells
+from gda_tracker.tracking.extended.columns import predict_extents, with_extents
 from gda_tracker.tracking.history_window import with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.mht.start import fit
+from gda_tracker.tracking.parameter_groups.extended import NONE
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.predictions import predictions_of
 from gda_tracker.tracking.state_update import predict_states
@@ -58,13 +61,18 @@ def open_scan(
         started, dt_s = True, 0.0
         table = table.select(np.zeros(len(table), dtype=bool))
     table = fit(table, p.mht_scans if p.decision == "mht" else 0)
-    table = with_window(predict_states(table, dt_s, p), p.window_rows)
+    last, table = table, with_window(predict_states(table, dt_s, p), p.window_rows)
+    table = predict_extents(last, table, dt_s, p)
     density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
+    predictions = predictions_of(scan.key, table, p, density)
+    if p.extended_objects != NONE and not scan.sensor_model:
+        scan = scan_of_cells(scan, table, predictions.settings.clutter_density, p)
+        predictions = with_extents(predictions, table, p)
     if state.desk.waiting:
         scan = _with_statements(scan, table, state, p, counters)
     return OpenScan(
         scan,
-        predictions_of(scan.key, table, p, density),
+        predictions,
         table,
         ended_ids,
         started,

@@ -14,6 +14,7 @@ from gda_tracker.vocabulary.arrays import (
     MaskArray,
     empty_floats,
 )
+from gda_tracker.vocabulary.extents import PredictedExtents
 from gda_tracker.vocabulary.scans import ScanKey
 
 # What is carried on of a track's attribute history.
@@ -59,6 +60,8 @@ class Predictions:
     says what a row is (``NO_ROW``, ``EVIDENCE_ROW``, ``BELIEF_ROW``); ``window_masses`` (H, W - 1,
     F) over the Venn bitmasks ``window_focal`` (F,) and ``window_log_class_likelihood`` (H, W - 1,
     C) are those of ``Evidence``; of a ``BELIEF_ROW`` the latter are log class probabilities.
+
+    ``extents`` are there where hypotheses are extended objects.
     """
 
     key: ScanKey
@@ -81,6 +84,7 @@ class Predictions:
     window_kind: Int32Array = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int32))
     window_masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
     window_log_class_likelihood: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
+    extents: PredictedExtents | None = None
 
     def __len__(self) -> int:
         return len(self.hypothesis_id)
