@@ -108,6 +108,7 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
         ["method", "online", "delayed", "smoothed"],
         ["", *["[m RMS]" for _ in range(3)]],
     ]
+    extents = [["method", "Gaussian Wasserstein distance"], ["", "[m]"]]
     consistency = [
         ["method", "NEES", "consistent", "in bounds", "NIS", "consistent", "in bounds"],
         ["", "[1]", "[1]", "[%]", "[1]", "[1]", "[%]"],
@@ -142,6 +143,8 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
         )
         names = ("position_rmse_m", "position_delayed_rmse_m", "position_smoothed_rmse_m")
         later.append([method.method, *[value(name, 1) for name in names]])
+        if "extent_error_m" in found:
+            extents.append([method.method, value("extent_error_m", 1)])
         row = [method.method]
         for name in ("nees", "nis"):
             row += [
@@ -150,13 +153,14 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
                 _number(100.0 * found[f"{name}_inside"], 0),
             ]
         consistency.append(row)
-    return [
+    tables = [
         ("Continuity", continuity),
         ("Distance of confirmed tracks and targets", distances),
         ("Extraction and false tracks", life),
         ("Position error by what is known", later),
         ("Consistency", consistency),
     ]
+    return [*tables, ("Ellipses of extended objects", extents)] if len(extents) > 2 else tables
 
 
 def quality_notes(result: ScenarioResult) -> list[str]:
@@ -174,12 +178,14 @@ def quality_notes(result: ScenarioResult) -> list[str]:
         "NEES, NIS: squared error of state and innovation over their covariance, mean of all "
         "scans; consistent: 95 % bounds of the mean at one scan; in bounds: share of scans, 95 if "
         "all is well",
+        "Gaussian Wasserstein distance to the true ellipses: centre, size and direction in one",
     ]
 
 
 def _quality(result: ScenarioResult) -> list[str]:
     lines: list[str] = []
-    for (_, rows), note in zip(quality_tables(result), quality_notes(result), strict=True):
+    # The note of the last table stands unused where there are no ellipses.
+    for (_, rows), note in zip(quality_tables(result), quality_notes(result), strict=False):
         lines += [*_align(rows[:2], rows[2:]), *textwrap.wrap(note, 100), ""]
     return lines[:-1]
 

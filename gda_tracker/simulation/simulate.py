@@ -3,8 +3,9 @@
 A run depends on the scenario, the seed and the number of the run alone. ``SeedSequence([seed,
 run])`` spawns one stream per source of chance, so that one of them can change (more clutter, say)
 while the others stay as they are: 0 detection, 1 measurement noise, 2 radar cross sections of
-targets, 3 false alarms, 4 order of the detections within a scan. Each stream is drawn for all scans
-at once, scan by scan and within a scan target by target in the order of the file.
+targets, 3 false alarms, 4 order of the detections within a scan, 5 extended targets. Each stream is
+drawn for all scans at once, scan by scan and within a scan target by target in the order of the
+file.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import math
 import numpy as np
 
 from gda_tracker.attributes.rcs import sample
+from gda_tracker.simulation.extended_targets import detections_of, true_extents
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import Scenario
 from gda_tracker.simulation.targets import true_states
@@ -58,25 +60,36 @@ def simulate(
         One ``Detections`` and one ``ScanTruth`` per scan; the preset holds what the tracker is
         told.
     """
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(5)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(6)]
     states = true_states(scenario)
     n_scans, n_targets = states.shape[:2]
 
     seen = streams[0].random((n_scans, n_targets)) < scenario.sensor.detection_probability
     seen[: scenario.time.n_initiation_scans] = True
     scan, target = np.nonzero(seen)
-    target_range, target_azimuth = _measure(scenario, states[..., :2], streams[1])
     means = np.array([t.rcs_mean_m2 for t in scenario.targets])
     models = np.array([t.rcs_swerling for t in scenario.targets])
-    target_rcs = sample(streams[2], means, models, (n_scans, n_targets))
+    extents = tuple(t.extent for t in scenario.targets)
+    extended = any(extent is not None for extent in extents)
+    if extended:
+        scan, target, places, target_rcs = detections_of(
+            states, extents, means, models, seen, [streams[2], streams[5]]
+        )
+        target_range, target_azimuth = _measure(scenario, places, streams[1])
+    else:
+        every_range, every_azimuth = _measure(scenario, states[..., :2], streams[1])
+        every_rcs = sample(streams[2], means, models, (n_scans, n_targets))
+        target_range, target_azimuth = every_range[seen], every_azimuth[seen]
+        target_rcs = every_rcs[seen]
+    ellipses = true_extents(states, extents) if extended else None
     clutter_scan, clutter_range, clutter_azimuth, clutter_rcs = _clutter(scenario, streams[3])
 
     ids = np.array([t.id for t in scenario.targets], dtype=np.int32)
     all_scans = np.concatenate([scan, clutter_scan])
     order = np.lexsort((streams[4].random(len(all_scans)), all_scans))
-    ranges = np.concatenate([target_range[seen], clutter_range])[order]
-    azimuths = np.concatenate([target_azimuth[seen], clutter_azimuth])[order]
-    rcs = np.concatenate([target_rcs[seen], clutter_rcs])[order]
+    ranges = np.concatenate([target_range, clutter_range])[order]
+    azimuths = np.concatenate([target_azimuth, clutter_azimuth])[order]
+    rcs = np.concatenate([target_rcs, clutter_rcs])[order]
     sources = np.concatenate([ids[target], np.full(len(clutter_scan), CLUTTER, np.int32)])[order]
 
     begin = np.searchsorted(all_scans[order], np.arange(n_scans + 1))
@@ -110,6 +123,7 @@ def simulate(
                 target_class=classes,
                 run=run,
                 frame_id=FRAME_ID,
+                target_extent=None if ellipses is None else ellipses[k],
             )
         )
     return Recording(
@@ -118,6 +132,7 @@ def simulate(
         truth=truth,
         preset_name=f"scenario {scenario.name}",
         preset=tracker_preset(scenario, initiation),
+        match_distance_m=None if scenario.extended is None else scenario.extended.match_distance_m,
         origin=f"simulated from scenario {scenario.name}, seed {seed}, run {run}",
     )
 

@@ -117,8 +117,8 @@ class ScanReport:
 
     ``outcome`` is ``tracked``, ``degraded``, ``gave_up``, ``initialised`` or ``rejected``;
     ``rejected`` counts, by reason, the detections that were left out of an admitted scan. Of
-    extended objects ``cells`` counts the groups of detections (else ``None``), and ``partition_probability`` says
-    how probable it is that they belong together like that.
+    extended objects ``cells`` counts the groups of detections (else ``None``), and
+    ``partition_probability`` says how probable it is that they belong together like that.
     """
 
     key: ScanKey
