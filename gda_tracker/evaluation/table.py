@@ -166,7 +166,7 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
 def quality_notes(result: ScenarioResult) -> list[str]:
     """What the numbers of :func:`quality_tables` mean, a sentence or two for each table."""
     distance = f"{result.match_distance_m:.0f} m"
-    return [
+    notes = [
         f"a target is tracked if a confirmed track is within {distance} of it; a switch is a "
         f"change of track that lasts {SETTLE_SCANS} scans",
         f"GOSPA and OSPA with cut-off {distance} and squares; GOSPA^2 = localisation^2 + missed^2 "
@@ -180,12 +180,14 @@ def quality_notes(result: ScenarioResult) -> list[str]:
         "all is well",
         "Gaussian Wasserstein distance to the true ellipses: centre, size and direction in one",
     ]
+    qualities = [method.quality for method in result.methods if method.quality is not None]
+    ellipses = any("extent_error_m" in quality.values for quality in qualities)
+    return notes if ellipses else notes[:-1]
 
 
 def _quality(result: ScenarioResult) -> list[str]:
     lines: list[str] = []
-    # The note of the last table stands unused where there are no ellipses.
-    for (_, rows), note in zip(quality_tables(result), quality_notes(result), strict=False):
+    for (_, rows), note in zip(quality_tables(result), quality_notes(result), strict=True):
         lines += [*_align(rows[:2], rows[2:]), *textwrap.wrap(note, 100), ""]
     return lines[:-1]
 

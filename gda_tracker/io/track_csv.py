@@ -10,6 +10,7 @@ from typing import TextIO
 import numpy as np
 
 from gda_tracker.io.fields import NANOSECONDS
+from gda_tracker.kinematics.extended.ellipses import semi_axes
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
 COLUMNS = (
@@ -30,6 +31,11 @@ COLUMNS = (
     "class",
     "class_probability",
     "existence_probability",
+    "semi_axis_m",
+    "other_semi_axis_m",
+    "orientation_rad",
+    "expected_detections",
+    "detections",
 )
 
 
@@ -48,8 +54,10 @@ class TrackCsvWriter:
 
     ``scan`` counts from 0; ``status`` is ``tentative`` or ``confirmed``, also while a track coasts;
     ``class`` is the most probable one and empty without classes; ``existence_probability`` is that
-    of a target behind the track. Numbers are written so that
-    reading them gives the same float64.
+    of a target behind the track. The last five are of extended objects and else empty: the
+    ellipse (orientation of its longer axis, counter-clockwise from x), the expected number of
+    detections in a scan and that in this one. Numbers are written so that reading them gives the
+    same float64.
 
     Parameters
     ----------
@@ -73,6 +81,7 @@ class TrackCsvWriter:
         std = np.sqrt(np.diagonal(tracks.covariance, axis1=1, axis2=2)[:, :2]).tolist()
         mean = tracks.mean[:, :4].tolist()
         stamp = decimal_seconds(tracks.key.stamp_ns)
+        ellipses = _ellipses(tracks)
         for row in range(len(tracks)):
             self._writer.writerow(
                 (
@@ -88,6 +97,7 @@ class TrackCsvWriter:
                     int(tracks.detection_index[row]),
                     *_class(tracks, row),
                     repr(float(tracks.existence_probability[row])),
+                    *ellipses[row],
                 )
             )
 
@@ -115,3 +125,13 @@ def _class(tracks: Tracks, row: int) -> tuple[str, str]:
     if np.count_nonzero(probability == probability[best]) > 1:
         return "", ""  # nothing is known: naming one of several would be a guess
     return tracks.class_names[best], repr(float(probability[best]))
+
+
+def _ellipses(tracks: Tracks) -> list[tuple[str, ...]]:
+    """The last five columns of each track."""
+    if not len(tracks.extent_weight):
+        return [("",) * 5] * len(tracks)
+    axes, orientation = semi_axes(tracks.extent)
+    numbers = np.column_stack([axes, orientation, tracks.expected_detections]).tolist()
+    counts = tracks.detection_count.tolist()
+    return [(*map(repr, own), str(n)) for own, n in zip(numbers, counts, strict=True)]
