@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 
+import numpy as np
 import pytest
 import yaml
 
@@ -13,6 +14,7 @@ from gda_tracker.simulation.scenarios import (
     shipped_scenarios,
 )
 from gda_tracker.simulation.schema import ScenarioError
+from gda_tracker.simulation.simulate import simulate
 
 
 @pytest.fixture
