@@ -23,6 +23,7 @@ NODES = (
     "set_valued_tracker",
     "track_fusion",
     "track_events",
+    "track_formations",
 )
 
 

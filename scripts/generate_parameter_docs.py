@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from gda_tracker.events.parameters import EventParameters  # noqa: E402
+from gda_tracker.formations.parameters import FormationParameters  # noqa: E402
 from gda_tracker.fusion.parameters import TrackFusionParameters  # noqa: E402
 from gda_tracker.io.markers.parameters import MarkerParameters  # noqa: E402
 from gda_tracker.io.parameter_files import (  # noqa: E402
@@ -24,6 +25,7 @@ from gda_tracker.io.parameter_files import (  # noqa: E402
     RADAR_INPUT,
     SET_VALUED_TRACKER,
     TRACK_EVENTS,
+    TRACK_FORMATIONS,
     TRACK_FUSION,
     TRACK_OUTPUT,
     parameter_yaml,
@@ -108,6 +110,13 @@ BESIDE = (
         {TRACK_EVENTS: EventParameters},
         "# When the node track_events says what, with its defaults (docs/track-events.md); lanes\n"
         "# and plans have a file of their own, see params/context_example.yaml.\n",
+    ),
+    Beside(
+        "Formations",
+        "Groups of tracks ([formations.md](formations.md)).",
+        {TRACK_FORMATIONS: FormationParameters},
+        "# What a formation is and how its objects are counted, with the defaults of node\n"
+        "# track_formations (docs/formations.md).\n",
     ),
 )
 

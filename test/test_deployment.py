@@ -184,6 +184,23 @@ def test_events_are_started_with_their_file_which_is_read_first(tmp_path):
         tracker_plan({**values, "events": str(file)}, {})
 
 
+def test_formations_are_started_with_the_parameters_of_the_file(tmp_path):
+    file = tmp_path / "params.yaml"
+    file.write_text("/**/track_formations:\n  ros__parameters:\n    largest_number: 4\n")
+    parser = argparse.ArgumentParser()
+    run.add_arguments(parser)
+    assert "track_formations" not in run._parameters(parser.parse_args([]))
+    found = run._parameters(parser.parse_args(["--formations", "--params", str(file)]))
+    assert found["track_formations"] == {"largest_number": 4}
+    assert run._what(found) == "four nodes and the formations"
+    values = {a.name: a.default for a in TRACKER_ARGUMENTS}
+    plan = tracker_plan({**values, "formations": "true"}, {})
+    assert plan.nodes[-1].executable == "track_formations"
+    (one,) = tracker_plan({**values, "formations": "true", "processes": "one"}, {}).programs
+    assert "--formations" in one
+    assert "track_formations" not in {n.executable for n in tracker_plan(values, {}).nodes}
+
+
 @pytest.mark.parametrize(
     ("values", "text"),
     [

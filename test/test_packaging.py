@@ -30,6 +30,7 @@ NODES = (
     "recorder",
     "scan_source",
     "track_events",
+    "track_formations",
     "track_fusion",
     "track_manager",
     "track_output",

@@ -9,6 +9,7 @@ import pytest
 
 from scripts import measure_resolution as resolution
 from scripts import measure_signal_strength as strength
+from scripts import measure_unresolved as ring
 
 DOCS = resolution.ROOT / "docs"
 
@@ -36,6 +37,18 @@ def test_the_model_of_resolution_keeps_both_more_often():
     for mean, error, more in wide["gain"].values():
         assert mean > 4.0 * error
         assert more >= 0.2
+
+
+def test_the_ring_keeps_both_more_often():
+    """Done when: at least 20 % more often than the best without, in 200 paired runs."""
+    numbers = measured("unresolved_ring.json")
+    assert section("unresolved.md", "ring") == ring.table(numbers)
+    for case in numbers["cases"][:2]:
+        assert case["runs"] >= 200
+        for setting, one in case["settings"].items():
+            if setting != "with":
+                assert one["more"] >= 0.2
+                assert one["gain"][0] > 4.0 * one["gain"][1]
 
 
 def test_one_run_gives_what_both_trackers_need():

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 
-from gda_tracker.events.monte_carlo import QUANTITIES, matched_tracks
+from gda_tracker.events.monte_carlo import QUANTITIES, Followed, count_decisions, matched_tracks
+from scripts import measure_events_in_the_ring as ring_report
 from scripts import measure_track_events as report
 
 
@@ -50,3 +51,37 @@ def test_what_the_page_says_holds():
             assert abs(entry["rate"] - expected[entry["truth"]]) < error
         if entry["factor"] == 0.0:
             assert entry["rate"] > 2.0 * entry["design"]
+
+
+def test_the_table_of_the_ring_is_that_of_its_figures_and_holds_the_design():
+    found = json.loads(ring_report.FIGURES.read_text())
+    assert ring_report.table(found) in ring_report.PAGE.read_text()
+    assert tuple(found["methods"]) == ring_report.METHODS
+    for entry in found["methods"].values():
+        assert 4.0 < entry["nees"] < 5.0
+        for name in ring_report.TESTS:
+            for truth in report.TRUTHS:
+                one = entry[name][truth]
+                assert one["rate"] < one["design"] + 2.0 * one["standard_error"]
+
+
+def test_tracks_of_the_ring_are_followed_with_their_errors():
+    followed, known = ring_report.follow("map/none/cv", 6, 25, 3)
+    assert followed.scans == 25
+    ids, error, covariance, detected = followed.at(20)
+    assert 5 <= len(ids) <= 6
+    assert (np.diff(ids) > 0).all()
+    assert np.isin(ids, followed.track_id).all()
+    assert np.abs(error[:, :2]).max() < ring_report.OWN_M
+    assert covariance.shape == (len(ids), 4, 4)
+    assert detected.sum() < sum(len(each[0]) for each in followed.each)
+    assert 0.5 < known["tracked"] <= 1.0
+    # Tests count the same whichever way errors come.
+    matched = matched_tracks(20, 60, np.random.default_rng(1))
+    same = Followed([matched.at(scan) for scan in range(60)], matched.dt_s)
+    one, other = (
+        count_decisions("lane", report.TRUTHS["h0"], tracks, report.parameters(0.05))
+        for tracks in (matched, same)
+    )
+    assert (one.h0, one.h1) == (other.h0, other.h1)
+    assert one.total > 50

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from gda_tracker.association.generalised import (
     joint_weights,
     kinematic_weights,
 )
+from gda_tracker.association.group_decision import decide_groups
+from gda_tracker.association.group_events import group_events
 from gda_tracker.association.hypothesis_scores import score_hypotheses
 from gda_tracker.association.joint import MAX_ELEMENTS
 from gda_tracker.association.statements import statement_factors
@@ -131,7 +133,9 @@ class Associator:
         coalescence remedy. Decision ``mht``: nothing is chosen, each hypothesis is scored alone
         (:mod:`gda_tracker.association.hypothesis_scores`). Without scores kinematics alone decide,
         the result is marked degraded and its attribute term is ``none``. (Tchamova et al. 2004,
-        14.4) Statements on where a track is weigh with the kinematics.
+        14.4) Where two targets may not be resolved the joint hypotheses know of groups
+        (:mod:`gda_tracker.association.group_joint`). Statements on where a track is weigh with the
+        kinematics.
 
         Parameters
         ----------
@@ -167,11 +171,12 @@ class Associator:
             factors = statement_factors(
                 scan, predictions, scores, pairs.hypothesis, pairs.detection
             )
+        groups = group_events(scan, predictions)
         if settings.decision == "mht":
             scored = score_hypotheses(scan, predictions, scores, pairs, factors)
             if np.isnan(scored.joint_marginal).any():
                 _name_culprit(predictions, scores, pairs)
-            return scored
+            return scored if groups is None else replace(scored, **groups.fields())
         known = groundwork or self.lay_groundwork(scan, predictions, pairs)
         gated, clusters, kinematic = known.gated, known.clusters, known.kinematic
         if factors is not None:
@@ -192,6 +197,7 @@ class Associator:
         )
 
         weightings = [joint] if by_likelihood or joint is kinematic else [kinematic, joint]
+        likelihoods = list(weightings)
         if by_distance:
             assert scores is not None
             weightings.append(
@@ -214,6 +220,14 @@ class Associator:
         engine = found.engine
         if settings.decision == JPDA and self._prunes_permutations:
             joint_marginal, engine = without_permutations(clusters, joint, joint_marginal, engine)
+        shared = None
+        if groups is not None:
+            said = None if factors is None else factors.log_idle
+            shared = decide_groups(
+                groups, scan, predictions, scores, pairs, likelihoods, said, self._limits
+            )
+            p_kinematic = shared.marginals(p_kinematic, 0)
+            joint_marginal = shared.marginals(joint_marginal, -1)
         if by_distance:
             assert scores is not None
             p_attribute = attribute_probability(clusters, found.marginals[-1], scores.informative)
@@ -223,11 +237,16 @@ class Associator:
             p_generalised = p_kinematic
 
         if settings.decision == "gda":
-            chosen = _decide_gda(clusters, p_generalised)
+            taken = None if shared is None else shared.taken
+            chosen = _decide_gda(clusters, p_generalised, taken)
         else:
             chosen = _decide_map(clusters, joint)
+            if shared is not None:
+                chosen[shared.answer.rows] = shared.answer.chosen
         assigned = np.full(n_hypotheses, -1, dtype=np.int32)
         assigned[pairs.hypothesis[chosen]] = pairs.detection[chosen]
+        if shared is not None:
+            shared.assign(assigned)
         return Associations(
             key=scan.key,
             decision=settings.decision,
@@ -250,14 +269,19 @@ class Associator:
             cluster_engine=engine,
             cluster_converged=found.converged,
             engine_names=ENGINES,
+            **({} if shared is None else shared.fields),
         )
 
 
-def _decide_gda(clusters: Clusters, p_generalised: FloatArray) -> BoolArray:
-    """Pairs (P,) chosen by the assignment matrix of 1 - P_gen."""
+def _decide_gda(
+    clusters: Clusters, p_generalised: FloatArray, taken: BoolArray | None = None
+) -> BoolArray:
+    """Pairs (P,) chosen by the assignment matrix of 1 - P_gen; not those ``taken`` by groups."""
     chosen = np.zeros(len(p_generalised), dtype=np.bool_)
     for group in clusters.groups:
         outside = -1.0 - group.shape[2]
+        if taken is not None:
+            p_generalised = np.where(taken, outside, p_generalised)
         picked = choose_by_probability(group.dense(p_generalised, outside), group.sizes)
         chosen[group.pairs] = picked[group.place]
     return chosen

@@ -22,6 +22,8 @@ SET_VALUED_TRACKER = "set_valued_tracker"
 TRACK_FUSION = "track_fusion"
 # Node that says what tracks do.
 TRACK_EVENTS = "track_events"
+# Node that counts the objects of formations.
+TRACK_FORMATIONS = "track_formations"
 
 Parameters = dict[str, dict[str, Any]]
 
@@ -75,7 +77,15 @@ def gather_parameters(
 
         for node, values in read_parameter_file(params).items():
             merged[node] = {**merged.get(node, {}), **values}
-    for node in (RADAR_INPUT, TRACK_OUTPUT, MARKERS, SET_VALUED_TRACKER, TRACK_FUSION):
+    for node in (
+        RADAR_INPUT,
+        TRACK_OUTPUT,
+        MARKERS,
+        SET_VALUED_TRACKER,
+        TRACK_FUSION,
+        TRACK_EVENTS,
+        TRACK_FORMATIONS,
+    ):
         merged.pop(node, None)
     if method is not None:
         merged["track_manager"] = {**merged.get("track_manager", {}), **parse_method(method)}

@@ -18,9 +18,11 @@ from gda_tracker.commands.options import (
     radar_input_of_file,
 )
 from gda_tracker.commands.progress import progress_bar
+from gda_tracker.commands.replay_formations import formation_line, formation_tracker
 from gda_tracker.commands.replay_nodes import through_the_nodes
 from gda_tracker.commands.replay_summary import Answers, print_summary
 from gda_tracker.errors import UserError
+from gda_tracker.formations.found import Formations
 from gda_tracker.simulation.playback import Playback, of_recording, of_scenario
 from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
 from gda_tracker.tracking.ring import stage_parameters
@@ -71,6 +73,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="OUT.jsonl",
         help="with --offline: write why each detection went to its track, one JSON object per scan "
         "(docs/association-log.md)",
+    )
+    parser.add_argument(
+        "--formations",
+        type=Path,
+        metavar="OUT.csv",
+        help="with --offline: write which tracks fly together, how many objects they are, splits "
+        "and mergers, one row per formation and scan (docs/formations.md)",
     )
     parser.add_argument(
         "--report",
@@ -135,6 +144,8 @@ def run(args: argparse.Namespace) -> int:
         raise UserError("--tracks-delayed: allowed with --offline alone, which makes the same")
     if args.tracks_smoothed and not args.offline:
         raise UserError("--tracks-smoothed: allowed with --offline alone, which makes the same")
+    if args.formations and not args.offline:
+        raise UserError("--formations: allowed with --offline alone; else the node, see run")
     if args.report:
         from gda_tracker.evaluation.figures import require_matplotlib
 
@@ -154,8 +165,9 @@ def run(args: argparse.Namespace) -> int:
     delayed: list[Tracks] = []
     smoothed: list[Tracks] = []
     heard: list[Heard] = []
+    formations: list[Formations] = []
     if args.offline:
-        answers = _offline(play, parameters, args, said, delayed, smoothed, heard)
+        answers = _offline(play, parameters, args, said, delayed, smoothed, heard, formations)
     else:
         answers = through_the_nodes(play, parameters, args, said, heard)
     if args.tracks:
@@ -171,6 +183,12 @@ def run(args: argparse.Namespace) -> int:
         print(f"smoothed tracks: {args.tracks_smoothed}")
     if args.association_log:
         print(f"association log: {args.association_log}")
+    if args.formations:
+        from gda_tracker.io.formation_csv import write_formations
+
+        write_formations(args.formations, formations)
+        print(f"formations: {args.formations}")
+        print(formation_line(formations))
     if said:
         count = Counter(report.reason or report.outcome for report in said)
         print("statements: " + ", ".join(f"{number} {name}" for name, number in count.items()))
@@ -179,7 +197,14 @@ def run(args: argparse.Namespace) -> int:
         from gda_tracker.commands.replay_report import write_report
 
         write_report(
-            args.report, play, preset_name, parameters, answers, heard[0], args.match_distance
+            args.report,
+            play,
+            preset_name,
+            parameters,
+            answers,
+            heard[0],
+            args.match_distance,
+            formations,
         )
         print(f"report: {args.report}")
     return 0
@@ -251,6 +276,7 @@ def _offline(
     delayed: list[Tracks],
     smoothed: list[Tracks],
     heard: list[Heard],
+    formations: list[Formations],
 ) -> Answers:
     from gda_tracker.evaluation.association_log import AssociationLogWriter
     from gda_tracker.evaluation.rounds import OfflineRounds
@@ -263,6 +289,7 @@ def _offline(
         ring.initialise(play.initial)
     answers: Answers = []
     rounds = OfflineRounds()
+    follow = formation_tracker(args)
     with ExitStack() as stack:
         log = None
         if args.association_log:
@@ -273,6 +300,8 @@ def _offline(
             for result in ring.finish() if detections is None else ring.feed(detections):
                 answers.append((result.report, result.tracks))
                 delayed += result.delayed
+                if follow is not None and result.tracks is not None:
+                    formations.append(follow.take(result.tracks, result.scan, result.predictions))
                 if log is not None:
                     log.write(result)
                 if args.report:

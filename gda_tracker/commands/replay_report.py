@@ -12,6 +12,7 @@ import numpy as np
 
 from gda_tracker.commands.demo_report import versions
 from gda_tracker.commands.options import Parameters
+from gda_tracker.commands.replay_formations import formation_section
 from gda_tracker.commands.replay_sections import (
     attribute_section,
     consistency_section,
@@ -23,6 +24,7 @@ from gda_tracker.commands.replay_summary import Answers, count_left_out, count_o
 from gda_tracker.evaluation.figures.lives import seconds_of
 from gda_tracker.evaluation.report import Facts, Section, render
 from gda_tracker.evaluation.rounds import Heard
+from gda_tracker.formations.found import Formations
 from gda_tracker.simulation.playback import Playback
 from gda_tracker.tracking.ring import stage_parameters
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
@@ -36,6 +38,7 @@ def write_report(
     answers: Answers,
     heard: Heard,
     match_distance_m: float | None,
+    formations: Sequence[Formations] = (),
 ) -> None:
     """Draw all pictures and write the page.
 
@@ -56,6 +59,8 @@ def write_report(
     match_distance_m
         How far a track may be from its target; ``None``: what the recording says, or by where
         the truth comes from.
+    formations
+        After each scan, if somebody followed them.
 
     Raises
     ------
@@ -77,6 +82,8 @@ def write_report(
             attribute_section(parameters, detections, tracks),
             consistency_section(heard.gated, tracks),
         ]
+    if formations:
+        sections.append(formation_section(formations))
     sections += [latency_section(heard.latency_ms, heard.told), _made(parameters)]
     page = render(
         f"gda_tracker replay: {play.name}",

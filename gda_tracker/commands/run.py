@@ -12,6 +12,7 @@ from gda_tracker.commands.options import (
     RADAR_INPUT,
     SET_VALUED_TRACKER,
     TRACK_EVENTS,
+    TRACK_FORMATIONS,
     TRACK_OUTPUT,
     Parameters,
     add_parameter_options,
@@ -74,6 +75,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(lanes and plans, see params/context_example.yaml) leave their lane or plan "
         "(docs/track-events.md)",
     )
+    parser.add_argument(
+        "--formations",
+        action="store_true",
+        help="say on track_formations how many objects fly in each group of tracks, and which "
+        "groups split and merge (docs/formations.md)",
+    )
     add_preset_option(parser)
     add_parameter_options(parser)
     parser.add_argument(
@@ -127,6 +134,7 @@ def _parameters(args: argparse.Namespace) -> Parameters:
     UserError
         For parameters that are not allowed, or if no preset fits the topic.
     """
+    from gda_tracker.formations.parameters import FormationParameters
     from gda_tracker.io.parameter_files import read_preset
     from gda_tracker.io.radar.input_parameters import RadarInputParameters
     from gda_tracker.io.track_output_parameters import TrackOutputParameters
@@ -158,6 +166,9 @@ def _parameters(args: argparse.Namespace) -> Parameters:
         parameters[SET_VALUED_TRACKER] = of_sets
     if args.events is not None:
         parameters[TRACK_EVENTS] = _of_events(args)
+    if args.formations:
+        parameters[TRACK_FORMATIONS] = dict(node_of_file(args.params, TRACK_FORMATIONS) or {})
+        from_mapping(FormationParameters, parameters[TRACK_FORMATIONS])
     if not topic:
         return parameters
     of_radar = {**preset.get(RADAR_INPUT, {}), **(of_file or {}), "input_topic": topic}
@@ -239,6 +250,10 @@ def _beside_the_ring(parameters: Parameters, **options: object) -> list[object]:
         from gda_tracker.nodes.track_events import TrackEventsNode
 
         found.append(TrackEventsNode(parameters[TRACK_EVENTS], **options))
+    if TRACK_FORMATIONS in parameters:
+        from gda_tracker.nodes.track_formations import TrackFormationsNode
+
+        found.append(TrackFormationsNode(parameters[TRACK_FORMATIONS], **options))
     return found
 
 
@@ -249,6 +264,7 @@ def _what(parameters: Parameters) -> str:
         MARKERS: "the markers",
         SET_VALUED_TRACKER: "the set-valued tracker",
         TRACK_EVENTS: "the events",
+        TRACK_FORMATIONS: "the formations",
     }
     return " and ".join(
         ["four nodes", *(text for node, text in names.items() if node in parameters)]
@@ -298,7 +314,14 @@ def _run_processes(parameters: Parameters, remap: list[str], bag: str | None) ->
             )
             ring.start(stage)
 
-    possible = (RADAR_INPUT, TRACK_OUTPUT, MARKERS, SET_VALUED_TRACKER, TRACK_EVENTS)
+    possible = (
+        RADAR_INPUT,
+        TRACK_OUTPUT,
+        MARKERS,
+        SET_VALUED_TRACKER,
+        TRACK_EVENTS,
+        TRACK_FORMATIONS,
+    )
     beside = [node for node in possible if node in parameters]
     stages = (*STAGES, *beside)
     with RingProcesses(parameters, arguments=remap, stages=stages) as ring:

@@ -16,6 +16,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from gda_tracker.evaluation.group_entries import group_entries
 from gda_tracker.kinematics.gating import gate_threshold
 from gda_tracker.tracking.ring import RingResult
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
@@ -37,6 +38,7 @@ CHOSEN = "chosen"
 TRACK_ELSEWHERE = "track_has_another_detection"
 DETECTION_ELSEWHERE = "detection_has_another_track"
 BOTH_ELSEWHERE = "track_and_detection_are_elsewhere"
+SHARED = "detection_is_shared"
 NOT_WORTH_IT = "miss_and_false_alarm_preferred"
 NOT_LEADING = "another_hypothesis_leads"
 
@@ -181,6 +183,7 @@ def decision_entry(
             )
         ],
         "pairs": _pairs(scan, predictions, scores, decided, decided_by),
+        **group_entries(scan, predictions, decided),
     }
 
 
@@ -266,9 +269,10 @@ def _reasons(decided: Associations) -> list[str]:
         return np.where(decided.chosen, CHOSEN, NOT_LEADING).tolist()
     served = decided.assigned_detection[decided.hypothesis] >= 0
     taken = np.isin(decided.detection, decided.assigned_detection)
+    shared = decided.assigned_detection[decided.hypothesis] == decided.detection
     return np.select(
-        [decided.chosen, served & taken, served, taken],
-        [CHOSEN, BOTH_ELSEWHERE, TRACK_ELSEWHERE, DETECTION_ELSEWHERE],
+        [decided.chosen, shared, served & taken, served, taken],
+        [CHOSEN, SHARED, BOTH_ELSEWHERE, TRACK_ELSEWHERE, DETECTION_ELSEWHERE],
         NOT_WORTH_IT,
     ).tolist()
 

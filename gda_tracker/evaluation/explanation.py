@@ -12,6 +12,7 @@ from typing import Any
 
 from gda_tracker.errors import UserError
 from gda_tracker.evaluation.association_log import CHOSEN, MHT
+from gda_tracker.evaluation.group_entries import group_lines
 
 Entry = dict[str, Any]
 
@@ -112,7 +113,10 @@ def explain(entries: Sequence[Entry], number: int, track_id: int) -> Entry:
         (pair for pair in entry["pairs"] if pair["track_id"] == track_id),
         key=lambda pair: (not pair["chosen"], -_sortable(_terms(pair)[by]["value"])),
     )
-    owner = {row["detection"]: row["track_id"] for row in entry["tracks"]}
+    # Of tracks that share a detection it is the other one.
+    owner = {row["detection"]: row["track_id"] for row in entry["tracks"]} | {
+        row["detection"]: row["track_id"] for row in entry["tracks"] if row["track_id"] != track_id
+    }
     taken = next((row["detection"] for row in hypotheses if row["detection"] is not None), None)
     found = {key: value for key, value in entry.items() if key not in ("tracks", "pairs")}
     return found | {
@@ -205,6 +209,7 @@ def explanation_lines(found: Entry) -> list[str]:
         lines += ["", *_pair_lines(pair, found)]
         if others:
             lines.append(f"    hypotheses  {_others(others, found)}")
+    lines += group_lines(found)
     if not found["pairs"]:
         lines.append(
             "  no detection lay in its gate: it is missed, or the motion model or the noise is too "
@@ -331,6 +336,7 @@ def _outcome(pair: Entry, found: Entry) -> str:
         "track_and_detection_are_elsewhere": f"not chosen, it went to track {elsewhere}, and the "
         f"track has detection {found['detection']}",
         "miss_and_false_alarm_preferred": "not chosen, a miss and a false alarm are likelier",
+        "detection_is_shared": f"shared with track {elsewhere}, the sensor did not resolve them",
         "another_hypothesis_leads": "not in the hypothesis that leads",
     }
     return words.get(pair["reason"], str(pair["reason"]))

@@ -1,8 +1,9 @@
-"""Error rates of the tests, by Monte Carlo on the tracks of Kalman filters.
+"""Error rates of the tests, by Monte Carlo on the tracks of Kalman filters, or of a tracker.
 
 The errors of a linear filter whose models hold do not depend on where the target goes. So the
 errors are simulated once, with process noise and all, and laid on a path that stays exactly at the
-bound of a hypothesis, where the tests err most.
+bound of a hypothesis, where the tests err most. The errors of a tracker on targets that move
+straight on, but for process noise, are laid on such paths in the same way (:class:`Followed`).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from gda_tracker.events.plan_test import PlanTest
 from gda_tracker.events.samples import SampleClock, States
 from gda_tracker.events.sequential import DIRECTION_LOSS, H0, H1, OPEN
 from gda_tracker.kinematics.motion_models import constant_velocity
-from gda_tracker.vocabulary.arrays import FloatArray, IntArray
+from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 # Mean of what a Gaussian random walk of unit steps exceeds a far bound by (Siegmund 1985).
 MEAN_OVERSHOOT = 0.5826
@@ -37,6 +38,48 @@ class Matched:
     error: FloatArray
     covariance: FloatArray
     dt_s: float
+
+    @property
+    def scans(self) -> int:
+        """Number K of scans."""
+        return len(self.error)
+
+    @property
+    def track_id(self) -> IntArray:
+        """All tracks there are."""
+        return np.arange(self.error.shape[1])
+
+    def at(self, scan: int) -> tuple[IntArray, FloatArray, FloatArray, BoolArray]:
+        """Ids (n,), errors (n, 4), covariances (n, 4, 4), who was detected (n,) on a scan."""
+        runs = self.error.shape[1]
+        every = np.ones(runs, dtype=bool)
+        covariance = np.tile(self.covariance[scan], (runs, 1, 1))
+        return self.track_id, self.error[scan], covariance, every
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """Errors of the tracks of a tracker: per scan ids, errors, covariances, who was detected.
+
+    The arrays of a scan are those of :meth:`Matched.at`, by rising id.
+    """
+
+    each: list[tuple[IntArray, FloatArray, FloatArray, BoolArray]]
+    dt_s: float
+
+    @property
+    def scans(self) -> int:
+        """Number K of scans."""
+        return len(self.each)
+
+    @property
+    def track_id(self) -> IntArray:
+        """All tracks there are."""
+        return np.unique(np.concatenate([ids for ids, *_ in self.each]))
+
+    def at(self, scan: int) -> tuple[IntArray, FloatArray, FloatArray, BoolArray]:
+        """As :meth:`Matched.at`."""
+        return self.each[scan]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +151,7 @@ def matched_tracks(
 def count_decisions(
     quantity: str,
     hypothesis: int,
-    matched: Matched,
+    matched: Matched | Followed,
     parameters: EventParameters,
     *,
     independence_factor: float | None = None,
@@ -118,25 +161,22 @@ def count_decisions(
 
     ``independence_factor`` in place of the parameter may be 0: every state is used.
     """
-    scans, runs, _ = matched.error.shape
-    track_id = np.arange(runs)
     clock = SampleClock(
         parameters.independence_factor if independence_factor is None else independence_factor
     )
-    test = _test(quantity, matched, parameters, track_id, lane_margin_m)
+    test = _test(quantity, matched, parameters, lane_margin_m)
     counts = {H0: 0, H1: 0}
     durations = []
-    every = np.ones(runs, dtype=bool)
-    for scan in range(scans):
+    for scan in range(matched.scans):
+        track_id, error, covariance, detected = matched.at(scan)
         stamp_ns = round(scan * matched.dt_s * 1e9)
         mean = _true_state(quantity, hypothesis, scan * matched.dt_s, parameters, lane_margin_m)
-        mean = mean + matched.error[scan]
+        mean = mean + error
         if isinstance(test, LaneTest):
             # What is not on the lane is put into its middle, from where its next test begins.
             mean[test.lane_of(track_id) < 0] = [SPEED_MPS * scan * matched.dt_s, 0, SPEED_MPS, 0]
-        covariance = np.tile(matched.covariance[scan], (runs, 1, 1))
-        due = clock.due(stamp_ns, track_id, covariance, every)
-        states = States(stamp_ns, track_id, mean[:, :2], mean[:, 2:], covariance, every, due)
+        due = clock.due(stamp_ns, track_id, covariance, detected)
+        states = States(stamp_ns, track_id, mean[:, :2], mean[:, 2:], covariance, detected, due)
         _, decisions = test.step(states)
         for verdict in counts:
             counts[verdict] += int(np.count_nonzero(decisions.verdict == verdict))
@@ -168,16 +208,15 @@ def expected_rate(hypothesis: int, step: float, sides: int, parameters: EventPar
 
 def _test(
     quantity: str,
-    matched: Matched,
+    matched: Matched | Followed,
     parameters: EventParameters,
-    track_id: IntArray,
     lane_margin_m: float,
 ) -> LaneTest | PlanTest | StopTest | AccelerationTest:
     if quantity == "stop":
         return StopTest(parameters)
     if quantity == "acceleration":
         return AccelerationTest(parameters)
-    end_s = len(matched.error) * matched.dt_s
+    end_s = matched.scans * matched.dt_s
     points = np.array([[-1e3, 0.0], [1e3 + SPEED_MPS * end_s, 0.0]])
     if quantity == "lane":
         return LaneTest(
@@ -194,7 +233,7 @@ def _test(
             np.full(2, PLAN_TOLERANCE_M),
             PLAN_MARGIN_M,
         )
-        for number in track_id
+        for number in matched.track_id
     )
     return PlanTest(plans, parameters)
 

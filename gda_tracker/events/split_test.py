@@ -36,6 +36,10 @@ class SplitTest:
         self._rows = np.zeros(0, dtype=_COLUMNS)
         self._known: IntArray | None = None
 
+    def watched(self) -> tuple[IntArray, IntArray]:
+        """Return the tracks that are watched, and beside which track each of them began."""
+        return self._rows["track_id"].copy(), self._rows["parent"].copy()
+
     def step(
         self, states: States, confirmed: BoolArray, track_id: IntArray
     ) -> tuple[list[Finding], Decisions]:

@@ -30,6 +30,13 @@ from gda_tracker.io.fields import (
     require_size,
     reshape,
 )
+from gda_tracker.io.group_fields import (
+    RESOLUTION_SETTINGS,
+    group_candidates_from_message,
+    groups_from_message,
+    groups_to_message,
+    resolution_from_message,
+)
 from gda_tracker.io.scan_messages import key_from_message, key_to_message
 from gda_tracker.vocabulary.arrays import FloatArray, Int32Array
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
@@ -111,6 +118,8 @@ def predictions_to_message(predictions: Predictions) -> Any:
     message.history_policy = str(settings.history_policy)
     if settings.history_policy == "forgetting":
         message.forgetting_factor = [float(settings.forgetting_factor)]
+    if settings.resolution_range_m > 0.0:
+        message.resolution = [float(getattr(settings, name)) for name in RESOLUTION_SETTINGS]
     message.hypothesis_id = int64_to_field(predictions.hypothesis_id)
     message.parent_id = int64_to_field(predictions.parent_id)
     message.track_id = int64_to_field(predictions.track_id)
@@ -134,6 +143,12 @@ def predictions_to_message(predictions: Predictions) -> Any:
         )
     if predictions.extents is not None:
         extents_to_message(predictions.extents, message)
+    if len(predictions.strength_shape):
+        message.strength_shape = floats_to_field(predictions.strength_shape)
+        message.strength_scale = floats_to_field(predictions.strength_scale)
+        message.signal_threshold = float(settings.signal_threshold)
+        message.clutter_strength = float(settings.clutter_strength)
+    message.group_candidate = bools_to_field(predictions.group_candidate)
     return message
 
 
@@ -155,6 +170,7 @@ def predictions_from_message(message: Any) -> Predictions:
     mean = floats_from_field(message.component_mean)
     state_size = max(len(mean) // components, 1) if components else STATE_SIZE
     model = indices_from_field(message.component_model)
+    strengths = _strengths_from_message(message, hypotheses)
     return Predictions(
         key=key_from_message(message.key),
         settings=AssociationSettings(
@@ -166,6 +182,10 @@ def predictions_from_message(message: Any) -> Predictions:
             degraded=bool(message.degraded),
             history_policy=str(message.history_policy) or "none",
             forgetting_factor=_optional_float(message, "forgetting_factor", 1.0),
+            # Of bags from before there were strengths these are not numbers.
+            signal_threshold=float(message.signal_threshold) if strengths else 0.0,
+            clutter_strength=float(message.clutter_strength) if strengths else 0.0,
+            **resolution_from_message(message),
         ),
         hypothesis_id=hypothesis_id,
         parent_id=require_size(int64_from_field(message.parent_id), hypotheses, "parent_id"),
@@ -185,6 +205,8 @@ def predictions_from_message(message: Any) -> Predictions:
         class_probability=_floats(message, "class_probability", hypotheses, len(class_names)),
         **_window_from_message(message, hypotheses, len(class_names)),
         extents=extents_from_message(message, hypotheses),
+        **strengths,
+        group_candidate=group_candidates_from_message(message, hypotheses),
     )
 
 
@@ -213,6 +235,14 @@ def _window_from_message(message: Any, hypotheses: int, classes: int) -> dict[st
             message, "window_log_class_likelihood", hypotheses, rows, classes
         ),
     }
+
+
+def _strengths_from_message(message: Any, hypotheses: int) -> dict[str, Any]:
+    """Return the fields of signal strength; none for a message without."""
+    names = ("strength_shape", "strength_scale")
+    if not any(len(getattr(message, name)) for name in names):
+        return {}
+    return {name: _floats(message, name, hypotheses) for name in names}
 
 
 def _component_start(message: Any, hypotheses: int, components: int) -> Int32Array:
@@ -305,6 +335,7 @@ def associations_to_message(associations: Associations) -> Any:
     message.cluster_engine = indices_to_field(associations.cluster_engine, "cluster_engine")
     message.cluster_converged = bools_to_field(associations.cluster_converged)
     message.engine_names = [str(name) for name in associations.engine_names]
+    groups_to_message(associations, message)
     return message
 
 
@@ -339,4 +370,5 @@ def associations_from_message(message: Any) -> Associations:
         cluster_converged=require_size(converged, len(cluster_engine), "cluster_converged"),
         engine_names=_names(message.engine_names),
         **{name: _floats(message, name, pairs) for name in _PAIR_FLOATS},
+        **groups_from_message(message),
     )

@@ -18,6 +18,7 @@ from gda_tracker.io.parameter_files import (
     RADAR_INPUT,
     SET_VALUED_TRACKER,
     TRACK_EVENTS,
+    TRACK_FORMATIONS,
     TRACK_FUSION,
     TRACK_OUTPUT,
     read_parameter_file,
@@ -82,6 +83,7 @@ TRACKER_ARGUMENTS = (
     Argument(
         "events", "", "file of lanes and plans, or true without one: start the node track_events"
     ),
+    Argument("formations", "false", "true: start the node track_formations too"),
     Argument("autostart", "true", "false: nodes wait for their lifecycle transitions"),
     Argument("processes", "four", "four: one process per node; one: all nodes in one process"),
 )
@@ -146,6 +148,8 @@ def tracker_plan(values: Mapping[str, str], environment: Mapping[str, str]) -> P
             nodes[SET_VALUED_TRACKER] = {}
         if _events_wanted(values):
             nodes[TRACK_EVENTS] = _context_file(values)
+        if _switch(values, "formations"):
+            nodes[TRACK_FORMATIONS] = {}
         plan.nodes += [NodePlan(node, [*files, {**own, **common}]) for node, own in nodes.items()]
         _record(plan, values["record"], outputs, markers)
     else:
@@ -336,5 +340,7 @@ def _run_command(
         command += ["--output", name]
     if _events_wanted(values):
         command += ["--events", *_context_file(values).values()]
+    if _switch(values, "formations"):
+        command.append("--formations")
     switches = {"--use-sim-time": sim_time, "--markers": markers, "--set-valued": sets}
     return [*command, *(option for option, given in switches.items() if given)]

@@ -45,6 +45,8 @@ MARKERS = "markers"
 TRACK_FUSION = "track_fusion"
 # The node that says what tracks do: leave their lane, stop, split off.
 TRACK_EVENTS = "track_events"
+# The node that counts the objects of formations.
+TRACK_FORMATIONS = "track_formations"
 
 Values = dict[str, dict[str, Any]]
 
@@ -63,6 +65,7 @@ def stage_tables() -> dict[str, type]:
 def known_tables() -> dict[str, type]:
     """Return the tables that a parameter file may hold: of the ring and the nodes beside it."""
     from gda_tracker.events.parameters import EventParameters
+    from gda_tracker.formations.parameters import FormationParameters
     from gda_tracker.fusion.parameters import TrackFusionParameters
     from gda_tracker.io.markers.parameters import MarkerParameters
     from gda_tracker.io.radar.input_parameters import RadarInputParameters
@@ -77,6 +80,7 @@ def known_tables() -> dict[str, type]:
         SET_VALUED_TRACKER: SetValuedParameters,
         TRACK_FUSION: TrackFusionParameters,
         TRACK_EVENTS: EventParameters,
+        TRACK_FORMATIONS: FormationParameters,
     }
 
 

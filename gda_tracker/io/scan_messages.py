@@ -201,6 +201,7 @@ def scan_to_message(scan: Scan) -> Any:
         _platforms_to_message(scan, message)
     if scan.cells is not None:
         cells_to_message(scan.cells, message)
+    message.signal_strength = floats_to_field(scan.signal_strength)
     if scan.statements:
         message.statements = [statement_to_message(each) for each in scan.statements]
     return message
@@ -269,6 +270,7 @@ def scan_from_message(message: Any) -> Scan:
             message.reference_velocity_mps, 3, "reference_velocity_mps"
         ),
         cells=cells_from_message(message, count),
+        signal_strength=_optional_of_size(message.signal_strength, count, "signal_strength"),
     )
 
 

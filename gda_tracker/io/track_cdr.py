@@ -15,7 +15,12 @@ import numpy as np
 
 from gda_tracker.io.extent_messages import extent_columns
 from gda_tracker.io.fields import LARGEST_STAMP_NS, NANOSECONDS
-from gda_tracker.io.track_messages import INTEGER_LIMITS, check_integers, tracks_to_message
+from gda_tracker.io.track_messages import (
+    INTEGER_LIMITS,
+    REALS,
+    check_integers,
+    tracks_to_message,
+)
 from gda_tracker.vocabulary.tracks import Tracks
 
 ENCAPSULATION_BYTES = 4
@@ -53,8 +58,8 @@ def _record(state: int, extent: int, classes: int, focal: int) -> np.dtype[Any]:
     put("expected_detections", "<f8")
     put_sequence("class_probability", classes)
     put_sequence("masses", focal)
-    put("conflict", "<f8")
-    put("existence_probability", "<f8")
+    for name in REALS:
+        put(name, "<f8")
     for name in ("hits", "misses", "coasted_scans"):
         put(name, "<u4")
     put("detection_index", "<i4")
@@ -162,8 +167,8 @@ def tracks_to_cdr(tracks: Tracks) -> bytes:
         values = getattr(tracks, name)
         check_integers(values, name, lowest, highest)
         records[name] = values
-    records["conflict"] = tracks.conflict
-    records["existence_probability"] = tracks.existence_probability
+    for name in REALS:
+        records[name] = getattr(tracks, name)
     for name in ("extent_weight", "expected_detections"):
         records[name] = extents[name]
     for name in ("first_detection", "last_detection"):

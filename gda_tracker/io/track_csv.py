@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from pathlib import Path
 from types import TracebackType
 from typing import TextIO
@@ -13,6 +14,8 @@ from gda_tracker.io.fields import NANOSECONDS
 from gda_tracker.kinematics.extended.ellipses import semi_axes
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
+# Empty where they are not estimated.
+STRENGTHS = ("signal_strength", "signal_strength_std_db", "detection_probability")
 COLUMNS = (
     "scan",
     "stamp_s",
@@ -36,6 +39,7 @@ COLUMNS = (
     "orientation_rad",
     "expected_detections",
     "detections",
+    *STRENGTHS,
 )
 
 
@@ -54,10 +58,12 @@ class TrackCsvWriter:
 
     ``scan`` counts from 0; ``status`` is ``tentative`` or ``confirmed``, also while a track coasts;
     ``class`` is the most probable one and empty without classes; ``existence_probability`` is that
-    of a target behind the track. The last five are of extended objects and else empty: the
+    of a target behind the track. Five columns are of extended objects and else empty: the
     ellipse (orientation of its longer axis, counter-clockwise from x), the expected number of
-    detections in a scan and that in this one. Numbers are written so that reading them gives the
-    same float64.
+    detections in a scan and that in this one; ``signal_strength`` [mean noise powers], its
+    standard deviation [dB] and the ``detection_probability`` that follows are empty where they are
+    not estimated.
+    Numbers are written so that reading them gives the same float64.
 
     Parameters
     ----------
@@ -98,6 +104,7 @@ class TrackCsvWriter:
                     *_class(tracks, row),
                     repr(float(tracks.existence_probability[row])),
                     *ellipses[row],
+                    *(_known(float(getattr(tracks, name)[row])) for name in STRENGTHS),
                 )
             )
 
@@ -115,6 +122,10 @@ class TrackCsvWriter:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _known(value: float) -> str:
+    return "" if math.isnan(value) else repr(value)
 
 
 def _class(tracks: Tracks, row: int) -> tuple[str, str]:

@@ -135,10 +135,7 @@ def tracks_to_message(tracks: Tracks, *, with_tracks: bool = True) -> Any:
         )
     ]
     numbers = [(name, _integers(tracks, name, *limits)) for name, *limits in INTEGER_LIMITS]
-    reals = [
-        (name, np.asarray(getattr(tracks, name), dtype=np.float64).tolist())
-        for name in ("conflict", "existence_probability")
-    ]
+    reals = [(name, np.asarray(getattr(tracks, name), dtype=np.float64).tolist()) for name in REALS]
     reals += [(name, extents[name].tolist()) for name in ("extent_weight", "expected_detections")]
     stamps = [
         (name, [split_stamp(stamp, name) for stamp in values.tolist()])
@@ -162,6 +159,14 @@ def tracks_to_message(tracks: Tracks, *, with_tracks: bool = True) -> Any:
     return message
 
 
+# Fields of one real number.
+REALS = (
+    "conflict",
+    "existence_probability",
+    "signal_strength",
+    "signal_strength_std_db",
+    "detection_probability",
+)
 # Fields of integers, with the least and the largest number that they hold.
 INTEGER_LIMITS = (
     ("track_id", -(2**63), 2**63 - 1),
@@ -239,6 +244,9 @@ def tracks_from_message(message: Any) -> Tracks:
         class_probability=_stack(tracks, "class_probability", len(class_names)),
         conflict=reals("conflict"),
         existence_probability=reals("existence_probability"),
+        signal_strength=reals("signal_strength"),
+        signal_strength_std_db=reals("signal_strength_std_db"),
+        detection_probability=reals("detection_probability"),
         hits=integers("hits"),
         misses=integers("misses"),
         coasted_scans=integers("coasted_scans"),

@@ -17,6 +17,7 @@ from scipy.special import chdtri
 from gda_tracker.kinematics.extended.cell_ratios import log_cell_ratios
 from gda_tracker.kinematics.measurement_models import observed
 from gda_tracker.kinematics.model_gating import densities, gated_components
+from gda_tracker.kinematics.pair_strengths import pair_log_ratio
 from gda_tracker.kinematics.sensor_models import (
     Innovations,
     PolarMeasurements,
@@ -40,7 +41,8 @@ class GatedPairs:
 
     ``mahalanobis_squared`` (P,) is that of the closest component; ``log_likelihood`` (P,) is
     log g_ij [log 1/(m rad)], summed over the components of the hypothesis by their weights; of a
-    sensor with a model its unit is one over that of the measurement space.
+    sensor with a model its unit is one over that of the measurement space. Where signal strength
+    counts it has the ratio of :mod:`gda_tracker.kinematics.pair_strengths`.
     """
 
     hypothesis: Int32Array
@@ -63,15 +65,19 @@ def gate(scan: Scan, predictions: Predictions) -> GatedPairs:
 
     Of extended objects number and scatter of a cell's detections are in the log likelihood too.
     """
-    found = _gate_positions(scan, predictions)
+    pairs = _gate_positions(scan, predictions)
     if scan.cells is not None:
-        found.log_likelihood = found.log_likelihood + log_cell_ratios(
-            scan, predictions, found.hypothesis, found.detection
+        pairs.log_likelihood = pairs.log_likelihood + log_cell_ratios(
+            scan, predictions, pairs.hypothesis, pairs.detection
         )
-    return found
+    ratio = pair_log_ratio(scan, predictions, pairs.hypothesis, pairs.detection)
+    if ratio is not None:
+        pairs.log_likelihood = pairs.log_likelihood + ratio
+    return pairs
 
 
 def _gate_positions(scan: Scan, predictions: Predictions) -> GatedPairs:
+    """Gated pairs with their kinematic densities."""
     if scan.sensor_model:
         return _gate_by_model(scan, predictions)
     measurements = polar_measurements(scan)

@@ -98,7 +98,7 @@ def _points(measured: Observed) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _pieces(measured: Observed, reach: Reach) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Weights (D, K), centres (D, K, 2) and covariances of the pieces of each curve."""
     model, sites = measured.model, measured.sites
-    points = _curve(model, sites, measured.value[:, 0], reach)
+    points = curve(model, sites, measured.value[:, 0], reach)
     begin, centre, end = points[:, 0:-1:2], points[:, 1::2], points[:, 2::2]
     chord = end - begin
     length = np.hypot(chord[..., 0], chord[..., 1])
@@ -124,8 +124,11 @@ def _pieces(measured: Observed, reach: Reach) -> tuple[FloatArray, FloatArray, F
     return area / area.sum(axis=1, keepdims=True), centre, covariance
 
 
-def _curve(model: MeasurementModel, sites: Sites, value: FloatArray, reach: Reach) -> FloatArray:
-    """Points (D, 2 K + 1, 2) on the curve of each measurement: ends and middles of the pieces."""
+def curve(model: MeasurementModel, sites: Sites, value: FloatArray, reach: Reach) -> FloatArray:
+    """Points (D, 2 K + 1, 2) [m] on the curve of each measurement: ends and middles of the pieces.
+
+    ``value`` (D,) are azimuths [rad], ranges, sums or differences of ranges [m].
+    """
     steps = 2 * reach.components
     first = sites.position_m[0]
     if model.quantities[0] == AZIMUTH:

@@ -20,6 +20,7 @@ from gda_tracker.kinematics.motion_models import (
     constant_velocity,
     embedded,
     singer,
+    standstill,
     van_keuk,
     white_noise_acceleration,
 )
@@ -29,9 +30,11 @@ from gda_tracker.vocabulary.arrays import FloatArray
 CONSTANT_VELOCITY, WHITE_NOISE_ACCELERATION = "constant_velocity", "white_noise_acceleration"
 CONSTANT_ACCELERATION, VAN_KEUK, SINGER = "constant_acceleration", "van_keuk", "singer"
 COORDINATED_TURN = "coordinated_turn"
+STANDSTILL = "standstill"
 MODELS = (
     CONSTANT_VELOCITY,
     WHITE_NOISE_ACCELERATION,
+    STANDSTILL,
     CONSTANT_ACCELERATION,
     VAN_KEUK,
     SINGER,
@@ -53,8 +56,8 @@ class ModelSet:
     noise_std_mps2
         (M,) > 0, the noise of each: the standard deviation of the acceleration [m/s2]; that of its
         change within a second for ``constant_acceleration``; for ``white_noise_acceleration`` the
-        speed [m/s] by which a target changes its velocity within a second. (Both are roots of
-        spectral densities, [m/s^2.5] and [m/s^1.5].)
+        speed [m/s] by which a target changes its velocity within a second (both are roots of
+        spectral densities, [m/s^2.5] and [m/s^1.5]); for ``standstill`` a speed [m/s].
     correlation_time_s
         theta of ``van_keuk`` and ``singer``.
     acceleration_std_mps2, turn_rate_std_radps
@@ -208,6 +211,8 @@ def _model(models: ModelSet, model: int, dt_s: float) -> tuple[FloatArray, Float
         f, q = constant_velocity(dt_s, std)
     elif name == WHITE_NOISE_ACCELERATION:
         f, q = white_noise_acceleration(dt_s, std**2)
+    elif name == STANDSTILL:
+        f, q = standstill(dt_s, std)
     elif name == CONSTANT_ACCELERATION:
         f, q = constant_acceleration(dt_s, std**2)
     elif name == VAN_KEUK:

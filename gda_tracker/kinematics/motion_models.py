@@ -51,6 +51,33 @@ def constant_velocity(
 
 
 @lru_cache(maxsize=256)
+def standstill(
+    dt_s: float, velocity_std_mps: float, dimension: int = 2
+) -> tuple[FloatArray, FloatArray]:
+    """A target that stands: its velocity is small and drawn anew on every step.
+
+    Parameters
+    ----------
+    dt_s
+        Time step [s], >= 0.
+    velocity_std_mps
+        Standard deviation sigma of the velocity, constant within a step [m/s].
+    dimension
+        Number of position coordinates.
+
+    Returns
+    -------
+    F, Q
+        (s, s) with s = 2 ``dimension``; read-only, since they are cached. Per coordinate
+        F = [[1, 0], [0, 0]] and Q = sigma^2 [[dt^2, dt], [dt, 1]]: whatever speed it had, it has
+        lost it.
+    """
+    step = np.array([[1.0, 0.0], [0.0, 0.0]])
+    effect = np.array([velocity_std_mps * dt_s, velocity_std_mps])
+    return _per_coordinate(step, effect[:, None] * effect, dimension)
+
+
+@lru_cache(maxsize=256)
 def white_noise_acceleration(
     dt_s: float, acceleration_density_m2ps3: float, dimension: int = 2
 ) -> tuple[FloatArray, FloatArray]:

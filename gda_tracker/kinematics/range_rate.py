@@ -116,7 +116,7 @@ def update_with_range_rate(
     h[:, 0, :2], h[:, 0, v] = by_position, u
     if tau is not None:
         h[:, 0, v] += tau[:, None] * by_position
-    shift, variance = _second_order(covariance, u, by_position, rate, distance, tau, v)
+    shift, variance = second_order_terms(covariance, u, by_position, rate, distance, tau, v)
     residual = rates.value_mps[detection] - rate - shift
 
     shared = rates.covariance[detection]
@@ -134,7 +134,7 @@ def update_with_range_rate(
     return updated
 
 
-def _second_order(
+def second_order_terms(
     covariance: FloatArray,
     u: FloatArray,
     by_position: FloatArray,

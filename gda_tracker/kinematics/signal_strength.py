@@ -20,6 +20,8 @@ from scipy.special import digamma, polygamma
 from gda_tracker.vocabulary.arrays import FloatArray
 
 LEAST_SHAPE = 1.0
+# Thresholds below this share of the scale would leave a difference of nearly equal numbers.
+FAINT = 1e-7
 
 
 @dataclass(slots=True)
@@ -110,8 +112,17 @@ def update_detected(strengths: Strengths, signal: FloatArray) -> Strengths:
 def update_missed(strengths: Strengths, lambda_: float) -> Strengths:
     """Posterior after no detection, by the first two moments of 1/theta.
 
-    1 - exp(-lambda / theta) makes a difference of two: IG(a, b) minus P_D IG(a, b + lambda).
+    1 - exp(-lambda / theta) makes a difference of two: IG(a, b) minus P_D IG(a, b + lambda). Where
+    lambda is nothing beside b it is lambda / theta, which makes IG(a + 1, b).
     """
+    nothing = lambda_ < FAINT * strengths.scale
+    if np.any(nothing):
+        some = Strengths(strengths.shape, np.where(nothing, lambda_, strengths.scale))
+        found = update_missed(some, lambda_)
+        return Strengths(
+            np.where(nothing, strengths.shape + 1.0, found.shape),
+            np.where(nothing, strengths.scale, found.scale),
+        )
     seen = detection_probability(strengths, lambda_)
     return combine(
         np.stack([np.ones_like(seen), -seen]),

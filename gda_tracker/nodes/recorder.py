@@ -42,6 +42,7 @@ TOPICS_BESIDE: dict[str, tuple[type, QoSProfile]] = {
     "track_sets": (msg.TrackSetArray, stream(1000)),
     "track_set_markers": (MarkerArray, stream(100)),
     "track_events": (msg.TrackEventArray, stream(1000)),
+    "track_formations": (msg.FormationArray, stream(1000)),
 }
 
 

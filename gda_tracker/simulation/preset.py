@@ -18,6 +18,9 @@ FALSE_ALARM = "false_alarm"
 FALSE_ALARM_LABEL = "VS"
 # From small to big, by the number of classes beside the false alarm.
 CLASS_LABELS = {1: ("B",), 2: ("S", "B"), 3: ("S", "M", "B")}
+# Of a set of models with a standstill; the noise of the last is a speed.
+STANDSTILL_NOISE_FACTORS = [0.2, 1.3, 0.1]
+STANDSTILL_SOJOURN_S = [30.0, 10.0, 30.0]
 # Silence that ends all tracks; a slow radar needs more than the tracker's own default.
 GAP_SCANS = 12
 
@@ -51,6 +54,22 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
         "missed_track_hypotheses": scenario.attribute.missed_track_hypotheses,
         "max_gap_s": max(60.0, GAP_SCANS * scenario.time.scan_period_s),
     }
+    if told.extraction != "m_of_n":
+        manager["extraction"] = told.extraction
+    if sensor.false_alarm_probability > 0.0:
+        manager["false_alarm_probability"] = sensor.false_alarm_probability
+        manager["signal_strength"] = told.signal_strength
+    if sensor.resolution_range_m > 0.0 and told.resolution == "told":
+        manager["resolution_range_m"] = sensor.resolution_range_m
+        manager["resolution_azimuth_rad"] = math.radians(sensor.resolution_azimuth_deg)
+    if told.blind_speed_mps:
+        manager["blind_speed_mps"] = told.blind_speed_mps
+    if sensor.range_rate_std_mps:
+        manager["range_rate_std_mps"] = sensor.range_rate_std_mps
+    if told.imm_standstill:
+        manager["imm_models"] = ["constant_velocity", "constant_velocity", "standstill"]
+        manager["imm_process_noise_factors"] = STANDSTILL_NOISE_FACTORS
+        manager["imm_mean_sojourn_s"] = STANDSTILL_SOJOURN_S
     if scenario.reach is not None:
         manager["initiation"] = initiation = "automatic"
         manager.update(sensor_parameters(scenario.sensors, scenario.reach))

@@ -25,6 +25,7 @@ from gda_tracker.resources import resource
 from gda_tracker.simulation.extended_targets import ExtendedKnowledge, Extent
 from gda_tracker.simulation.schema import ScenarioError, check_keys, check_list, key, read_section
 from gda_tracker.simulation.sensor_sections import ModelledSensor, ReachSection, read_sensors
+from gda_tracker.simulation.signal_strengths import check_strengths
 
 NOTES = "monte_carlo"
 NOTES_PREFIX = "expected_"
@@ -54,7 +55,60 @@ class Sensor:
     position_m: tuple[float, float] = key("[x East, y North]", unit="m")
     azimuth_std_deg: float = key("azimuth noise", unit="deg", minimum=0.0)
     range_std_m: float = key("range noise", unit="m", minimum=0.0)
-    detection_probability: float = key("true P_d", minimum=0.0, maximum=1.0)
+    detection_probability: float = key(
+        "true P_d; with strengths it follows from them", minimum=0.0, maximum=1.0
+    )
+    false_alarm_probability: float = key(
+        "chance that noise exceeds the threshold; 0: no signal strengths",
+        default=0.0,
+        minimum=0.0,
+        maximum=0.99,
+    )
+    strength_per_m2: float = key(
+        "mean signal strength of 1 m2 at any range, over mean noise power",
+        unit="1/m2",
+        default=1.0,
+        minimum=0.0,
+        minimum_excluded=True,
+    )
+    resolution_range_m: float = key(
+        "half of the pairs of targets this far apart in range are one detection; 0: none",
+        unit="m",
+        minimum=0.0,
+        default=0.0,
+    )
+    resolution_azimuth_deg: float = key(
+        "the same in azimuth", unit="deg", minimum=0.0, maximum=180.0, default=0.0
+    )
+    range_rate_std_mps: float = key(
+        "range-rate noise; 0: it measures none", default=0.0, unit="m/s", minimum=0.0
+    )
+    blind_speed_mps: float = key(
+        "range rate with half of P_d, for it drops slow echoes; 0: it does not",
+        default=0.0,
+        unit="m/s",
+        minimum=0.0,
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse a resolution in one of range and azimuth only."""
+        if (self.resolution_range_m > 0.0) != (self.resolution_azimuth_deg > 0.0):
+            raise ParameterError(
+                f"resolution_range_m = {self.resolution_range_m:g} and resolution_azimuth_deg = "
+                f"{self.resolution_azimuth_deg:g}: allowed are two numbers > 0, or 0 and 0"
+            )
+        if self.resolution_range_m > 0.0 and self.false_alarm_probability > 0.0:
+            raise ParameterError(
+                f"resolution_range_m = {self.resolution_range_m:g} and false_alarm_probability = "
+                f"{self.false_alarm_probability:g}: allowed is 0 for one of them"
+            )
+        for name in ("range_rate_std_mps", "blind_speed_mps"):
+            for other in ("resolution_range_m", "false_alarm_probability"):
+                if getattr(self, name) > 0.0 and getattr(self, other) > 0.0:
+                    raise ParameterError(
+                        f"{name} = {getattr(self, name):g} and {other} = "
+                        f"{getattr(self, other):g}: allowed is 0 for one of them"
+                    )
 
 
 @dataclass(frozen=True)
@@ -96,6 +150,17 @@ class Manoeuvre:
 
 
 @dataclass(frozen=True)
+class Stop:
+    """A target brakes to a standstill, and speeds up again later to the speed it had."""
+
+    start_scan: float = key("scan at which it begins to brake", minimum=1.0)
+    end_scan: float = key("scan at which it begins to speed up", minimum=1.0)
+    braking_mps2: float = key(
+        "change of speed, both times", unit="m/s2", minimum=0.0, minimum_excluded=True
+    )
+
+
+@dataclass(frozen=True)
 class Target:
     """One entry of ``targets``."""
 
@@ -108,6 +173,7 @@ class Target:
     initial_heading_deg_ccw_from_north: float = key("heading at scan 1", unit="deg")
     manoeuvres: tuple[Manoeuvre, ...] = ()
     extent: Extent | None = None
+    stops: tuple[Stop, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse turns that overlap, or of a target that stands still."""
@@ -121,6 +187,8 @@ class Target:
                     f"start_scan = {after.start_scan:g}: allowed is >= {before.end_scan:g}, the "
                     f"end of the manoeuvre before"
                 )
+        if self.manoeuvres and self.stops:
+            raise ParameterError("stops: allowed are none for a target with manoeuvres")
 
 
 @dataclass(frozen=True)
@@ -133,6 +201,25 @@ class TrackerKnowledge:
     )
     detection_probability: float = key("P_d as the tracker is told", minimum=0.0, maximum=1.0)
     extraneous_return_density_per_rad_m: float = key("beta", unit="1/(rad m)", minimum=0.0)
+    signal_strength: str = key(
+        "whether tracks estimate the strength of their target",
+        default="none",
+        choices=("none", "swerling_1"),
+    )
+    extraction: str = key(
+        "what confirms and ends tracks, if they start by themselves",
+        default="m_of_n",
+        choices=("m_of_n", "sequential"),
+    )
+    resolution: str = key(
+        "whether the tracker is told the resolution of the sensor",
+        default="told",
+        choices=("told", "untold"),
+    )
+    blind_speed_mps: float = key(
+        "blind speed as the tracker is told", default=0.0, unit="m/s", minimum=0.0
+    )
+    imm_standstill: bool = key("filter imm: a third model that has lost its speed", default=False)
 
 
 @dataclass(frozen=True)
@@ -267,11 +354,26 @@ def scenario_from_mapping(content: Any, where: str = "scenario") -> Scenario:
         for index, entry in enumerate(check_list(content["targets"], f"{where}: targets", 1))
     )
     _check_targets(targets, attribute, f"{where}: targets")
+    if not several:
+        check_strengths(content["sensor"], targets, where)
     sensors = read_sensors(content, where) if several else ()
     if any(target.extent for target in targets) and (several or not extended):
         raise ScenarioError(
             f"{where}: targets with an extent: allowed with the sections sensor and extended"
         )
+    given = content["sensor"] if extended and isinstance(content.get("sensor"), Mapping) else {}
+    others = (
+        "false_alarm_probability",
+        "resolution_range_m",
+        "blind_speed_mps",
+        "range_rate_std_mps",
+    )
+    for name in others:
+        if given.get(name):
+            raise ScenarioError(
+                f"{where}: sensor: {name} = {given[name]}: allowed is none with the section "
+                "extended"
+            )
     return Scenario(
         name=name,
         time=read_section(Timing, content["time"], f"{where}: time"),
@@ -306,6 +408,7 @@ def _read_target(entry: Any, where: str) -> Target:
     if isinstance(entry, Mapping):
         entry = {("class_name" if k == "class" else k): v for k, v in entry.items()}
     turns = entry.get("manoeuvres", []) if isinstance(entry, Mapping) else []
+    halts = entry.get("stops", []) if isinstance(entry, Mapping) else []
     manoeuvres = tuple(
         read_section(Manoeuvre, turn, f"{where}: manoeuvres[{index}]")
         for index, turn in enumerate(check_list(turns, f"{where}: manoeuvres", 0))
@@ -313,7 +416,11 @@ def _read_target(entry: Any, where: str) -> Target:
     extent = entry.get("extent") if isinstance(entry, Mapping) else None
     if extent is not None:
         extent = read_section(Extent, extent, f"{where}: extent")
-    return read_section(Target, entry, where, manoeuvres=manoeuvres, extent=extent)
+    stops = tuple(
+        read_section(Stop, halt, f"{where}: stops[{index}]")
+        for index, halt in enumerate(check_list(halts, f"{where}: stops", 0))
+    )
+    return read_section(Target, entry, where, manoeuvres=manoeuvres, stops=stops, extent=extent)
 
 
 def _read_attribute(content: Any, where: str) -> Attribute:

@@ -3,9 +3,12 @@
 A run depends on the scenario, the seed and the number of the run alone. ``SeedSequence([seed,
 run])`` spawns one stream per source of chance, so that one of them can change (more clutter, say)
 while the others stay as they are: 0 detection, 1 measurement noise, 2 radar cross sections of
-targets, 3 false alarms, 4 order of the detections within a scan, 5 extended targets. Each stream is
-drawn for all scans at once, scan by scan and within a scan target by target in the order of the
-file.
+targets, 3 false alarms, 4 order of the detections within a scan, 5 signal strengths, 6 which
+targets the radar resolves (:mod:`gda_tracker.simulation.resolution`), 7 echoes too slow to be kept,
+8 range rates (noise of targets, then those of false alarms, uniform as far as targets go), 9
+extended targets. Each
+stream is drawn for all scans at once, scan by scan and within a scan target by target in the order
+of the file.
 """
 
 from __future__ import annotations
@@ -15,9 +18,17 @@ import math
 import numpy as np
 
 from gda_tracker.attributes.rcs import sample
+from gda_tracker.kinematics.blind_zone import BlindZone, detection_probability_at
+from gda_tracker.kinematics.sensor_models import SMALLEST_RANGE_M
 from gda_tracker.simulation.extended_targets import detections_of, true_extents
 from gda_tracker.simulation.preset import tracker_preset
+from gda_tracker.simulation.resolution import merged_detections, unresolved_groups
 from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.simulation.signal_strengths import (
+    ATTRIBUTE,
+    draw_false_signals,
+    draw_signals,
+)
 from gda_tracker.simulation.targets import true_states
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.recordings import Recording
@@ -40,8 +51,9 @@ def simulate(
 
     In the first ``n_initiation_scans`` every target is detected; later with the true P_d. Range and
     azimuth carry Gaussian noise, the azimuth counter-clockwise from East (REP-103). The detections
-    bring no standard deviations: the tracker is told them by its parameters. Their order within a
-    scan is random, so that it tells nothing.
+    bring no standard deviations: the tracker is told them by its parameters. With signal strengths
+    (:mod:`gda_tracker.simulation.signal_strengths`) they decide what is detected. Their order
+    within a scan is random, so that it tells nothing.
 
     Parameters
     ----------
@@ -60,28 +72,49 @@ def simulate(
         One ``Detections`` and one ``ScanTruth`` per scan; the preset holds what the tracker is
         told.
     """
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(6)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(10)]
     states = true_states(scenario)
     n_scans, n_targets = states.shape[:2]
 
     seen = streams[0].random((n_scans, n_targets)) < scenario.sensor.detection_probability
+    speeds = _range_rates(scenario, states)
+    if scenario.sensor.blind_speed_mps:
+        zone = BlindZone(scenario.sensor.blind_speed_mps, 1.0, np.zeros(2))
+        seen &= streams[7].random(seen.shape) < detection_probability_at(speeds, zone)
     seen[: scenario.time.n_initiation_scans] = True
-    scan, target = np.nonzero(seen)
+    strengths = scenario.sensor.false_alarm_probability > 0.0
     means = np.array([t.rcs_mean_m2 for t in scenario.targets])
+    if strengths:
+        signal, seen = draw_signals(
+            streams[5],
+            scenario.sensor.strength_per_m2 * means,
+            n_scans,
+            scenario.time.n_initiation_scans,
+            scenario.sensor.false_alarm_probability,
+        )
+    target_range, target_azimuth = _measure(scenario, states[..., :2], streams[1])
     models = np.array([t.rcs_swerling for t in scenario.targets])
-    extents = tuple(t.extent for t in scenario.targets)
-    extended = any(extent is not None for extent in extents)
-    if extended:
+    target_rcs = sample(streams[2], means, models, (n_scans, n_targets))
+    if scenario.sensor.resolution_range_m > 0.0:
+        groups = unresolved_groups(scenario, states[..., :2], streams[6])
+        groups[: scenario.time.n_initiation_scans] = np.arange(n_targets)
+        noise = target_range, target_azimuth
+        seen, target_range, target_azimuth, target_rcs, owner = merged_detections(
+            scenario, states[..., :2], groups, seen, noise, target_rcs, streams[6]
+        )
+    else:
+        owner = np.tile(np.arange(n_targets), (n_scans, 1))
+    scan, _ = np.nonzero(seen)
+    target = owner[seen]
+    target_range, target_azimuth = target_range[seen], target_azimuth[seen]
+    target_rcs = target_rcs[seen]
+    extents, ellipses = tuple(t.extent for t in scenario.targets), None
+    if any(extent is not None for extent in extents):
         scan, target, places, target_rcs = detections_of(
-            states, extents, means, models, seen, [streams[2], streams[5]]
+            states, extents, means, models, seen, [streams[2], streams[9]]
         )
         target_range, target_azimuth = _measure(scenario, places, streams[1])
-    else:
-        every_range, every_azimuth = _measure(scenario, states[..., :2], streams[1])
-        every_rcs = sample(streams[2], means, models, (n_scans, n_targets))
-        target_range, target_azimuth = every_range[seen], every_azimuth[seen]
-        target_rcs = every_rcs[seen]
-    ellipses = true_extents(states, extents) if extended else None
+        ellipses = true_extents(states, extents)
     clutter_scan, clutter_range, clutter_azimuth, clutter_rcs = _clutter(scenario, streams[3])
 
     ids = np.array([t.id for t in scenario.targets], dtype=np.int32)
@@ -89,13 +122,26 @@ def simulate(
     order = np.lexsort((streams[4].random(len(all_scans)), all_scans))
     ranges = np.concatenate([target_range, clutter_range])[order]
     azimuths = np.concatenate([target_azimuth, clutter_azimuth])[order]
-    rcs = np.concatenate([target_rcs, clutter_rcs])[order]
+    if strengths:
+        false = draw_false_signals(
+            streams[5], len(clutter_scan), scenario.sensor.false_alarm_probability
+        )
+        signals = np.concatenate([signal[seen], false])[order]
+        rcs = (signals - 1.0) / scenario.sensor.strength_per_m2
+    else:
+        rcs = np.concatenate([target_rcs, clutter_rcs])[order]
     sources = np.concatenate([ids[target], np.full(len(clutter_scan), CLUTTER, np.int32)])[order]
 
     begin = np.searchsorted(all_scans[order], np.arange(n_scans + 1))
     period_ns = round(scenario.time.scan_period_s * 1e9)
     classes = tuple(t.class_name for t in scenario.targets)
     position = np.array([*scenario.sensor.position_m, 0.0])
+    rates: FloatArray | None = None
+    if scenario.sensor.range_rate_std_mps:
+        noise = scenario.sensor.range_rate_std_mps * streams[8].standard_normal(speeds.shape)
+        fastest = max(target.speed_mps for target in scenario.targets)
+        false = streams[8].uniform(-fastest, fastest, len(clutter_scan))
+        rates = np.concatenate([(speeds + noise)[seen], false])[order]
     detections, truth = [], []
     for k in range(n_scans):
         rows = slice(begin[k], begin[k + 1])
@@ -106,11 +152,14 @@ def simulate(
                 stamp_ns=stamp_ns,
                 range_m=ranges[rows],
                 azimuth_rad=azimuths[rows],
+                range_rate_mps=None if rates is None else rates[rows],
                 rcs_m2=rcs[rows],
                 rcs_valid=np.ones(begin[k + 1] - begin[k], dtype=bool),
                 sensor_position_m=position.copy(),
                 frame_id=FRAME_ID,
                 sequence=k,
+                attribute_names=(ATTRIBUTE,) if strengths else (),
+                attribute_values=signals[None, rows] if strengths else None,
             )
         )
         truth.append(
@@ -148,6 +197,14 @@ def _measure(
     ranges = np.abs(np.hypot(dx, dy) + scenario.sensor.range_std_m * noise[..., 0])
     azimuth_std = math.radians(scenario.sensor.azimuth_std_deg)
     return ranges, _wrap(np.arctan2(dy, dx) + azimuth_std * noise[..., 1])
+
+
+def _range_rates(scenario: Scenario, states: FloatArray) -> FloatArray:
+    """True range rates (...) of states (..., 4)."""
+    from_sensor = states[..., :2] - np.array(scenario.sensor.position_m)
+    distance = np.hypot(from_sensor[..., 0], from_sensor[..., 1])
+    along: FloatArray = np.sum(from_sensor * states[..., 2:], axis=-1)
+    return along / np.maximum(distance, SMALLEST_RANGE_M)
 
 
 def _clutter(

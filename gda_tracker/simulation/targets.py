@@ -15,7 +15,8 @@ STANDARD_GRAVITY_MPS2 = 9.80665
 def target_states(target: Target, times_s: FloatArray, scan_period_s: float) -> FloatArray:
     """States of one target at given times.
 
-    The speed v is constant. A turn with lateral acceleration a has the rate omega = +a/v (left) or
+    The speed v is constant but for stops, which are on straight paths. A turn with lateral
+    acceleration a has the rate omega = +a/v (left) or
     -a/v (right). With the heading psi counter-clockwise from North the velocity is
     v (-sin psi, cos psi), so that a turn from psi0 moves the position by
     (v/omega) (cos psi - cos psi0, sin psi - sin psi0).
@@ -35,6 +36,8 @@ def target_states(target: Target, times_s: FloatArray, scan_period_s: float) -> 
         x East, y North [m], vx, vy [m/s].
     """
     times_s = np.asarray(times_s, dtype=np.float64)
+    if target.stops:
+        return _stop_and_go(target, times_s, scan_period_s)
     speed = target.speed_mps
     starts, rates = _legs(target, scan_period_s)
     states = np.empty((len(times_s), 4))
@@ -56,6 +59,25 @@ def true_states(scenario: Scenario) -> FloatArray:
     times = np.arange(scenario.time.n_scans, dtype=np.float64) * scenario.time.scan_period_s
     paths = [target_states(t, times, scenario.time.scan_period_s) for t in scenario.targets]
     return np.stack(paths, axis=1)
+
+
+def _stop_and_go(target: Target, times_s: FloatArray, scan_period_s: float) -> FloatArray:
+    """States (K, 4) of a target on a straight path that stops now and then."""
+    v = target.speed_mps
+    way, speed = v * times_s, np.full(len(times_s), v)
+    for stop in target.stops:
+        a = stop.braking_mps2
+        begin, end = ((k - 1.0) * scan_period_s for k in (stop.start_scan, stop.end_scan))
+        braked = np.clip(times_s - begin, 0.0, v / a)
+        stood = np.maximum(np.minimum(times_s, end) - begin - v / a, 0.0)
+        resumed = np.clip(times_s - end, 0.0, v / a)
+        # What is lost of the way on each of the three.
+        way -= 0.5 * a * braked**2 + v * stood + resumed * (v - 0.5 * a * resumed)
+        speed -= a * braked - a * resumed
+    heading = math.radians(target.initial_heading_deg_ccw_from_north)
+    along = np.array([-math.sin(heading), math.cos(heading)])
+    start = np.array(target.initial_position_m)
+    return np.hstack([start + way[:, None] * along, speed[:, None] * along])
 
 
 def _legs(target: Target, scan_period_s: float) -> tuple[list[float], list[float]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gda_tracker.vocabulary.arrays import BoolArray
 from gda_tracker.vocabulary.beliefs import AttributeScores, Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
 from gda_tracker.vocabulary.scans import ScanKey
@@ -63,6 +64,7 @@ def _check_associations(associations: Associations, n_hypotheses: int, n_detecti
         raise Inconsistent("associations: one assigned detection per hypothesis expected")
     hypothesis, detection = associations.hypothesis, associations.detection
     pairs = (hypothesis, detection, associations.chosen, associations.joint_marginal)
+    in_group = _check_groups(associations, n_hypotheses, n_detections)
     if len({part.shape for part in pairs}) > 1:
         raise Inconsistent("associations: arrays of the pairs differ in length")
     for name, rows, lowest, count in (
@@ -72,18 +74,59 @@ def _check_associations(associations: Associations, n_hypotheses: int, n_detecti
     ):
         if len(rows) and not (lowest <= rows.min() and rows.max() < count):
             raise Inconsistent(f"associations: {name} out of range")
-    taken = assigned[assigned >= 0].tolist()
+    taken = assigned[(assigned >= 0) & ~in_group].tolist()
+    shared = associations.group_detection[associations.group_chosen]
+    taken += shared[shared >= 0].tolist()  # once for both members
     if len(set(taken)) != len(taken):
         raise Inconsistent("associations: a detection is assigned twice")
     chosen = np.flatnonzero(associations.chosen)
-    if len(chosen) != len(taken) or not np.array_equal(
+    if len(chosen) + np.count_nonzero(shared >= 0) != len(taken) or not np.array_equal(
         assigned[hypothesis[chosen]], detection[chosen]
     ):
         raise Inconsistent("associations: the chosen pairs are not the assigned detections")
     marginal = associations.joint_marginal
     sums = np.bincount(hypothesis, marginal, minlength=n_hypotheses)
+    for members in (associations.group_first, associations.group_second):
+        shares = np.bincount(members, associations.group_marginal, minlength=n_hypotheses)
+        sums = sums + shares
     if not ((marginal >= 0.0).all() and (sums <= 1.0 + MARGINAL_TOLERANCE).all()):
         raise Inconsistent("associations: the joint marginals of a hypothesis are no probabilities")
+
+
+def _check_groups(associations: Associations, n_hypotheses: int, n_detections: int) -> BoolArray:
+    """Check the events of unresolved targets; return who is in a group that was decided for."""
+    first, second = associations.group_first, associations.group_second
+    columns = associations.group_detection
+    in_group = np.zeros(n_hypotheses, dtype=np.bool_)
+    shapes = {part.shape for part in (first, second, columns, associations.group_chosen)}
+    shapes |= {associations.group_marginal.shape, associations.group_unresolved.shape}
+    if len(shapes | {associations.group_log_likelihood.shape}) > 1:
+        raise Inconsistent("associations: arrays of the groups differ in length")
+    if not len(first):
+        return in_group
+    for name, rows, lowest, count in (
+        ("group member", first, 0, n_hypotheses),
+        ("group member", second, 0, n_hypotheses),
+        ("group detection", columns, -1, n_detections),
+    ):
+        if not (lowest <= rows.min() and rows.max() < count):
+            raise Inconsistent(f"associations: {name} out of range")
+    if (first == second).any():
+        raise Inconsistent("associations: a hypothesis is in a group with itself")
+    probability = associations.group_marginal
+    share = associations.group_unresolved
+    if not ((probability >= 0.0).all() and ((share >= 0.0) & (share <= 1.0)).all()):
+        raise Inconsistent("associations: the marginals of the groups are no probabilities")
+    if not (associations.group_log_likelihood < np.inf).all():
+        raise Inconsistent("associations: the likelihoods of the groups are no numbers")
+    chosen = np.flatnonzero(associations.group_chosen)
+    members = np.concatenate([first[chosen], second[chosen]])
+    if len(np.unique(members)) != len(members):
+        raise Inconsistent("associations: a hypothesis is in two groups")
+    in_group[members] = True
+    if not np.array_equal(associations.assigned_detection[members], np.tile(columns[chosen], 2)):
+        raise Inconsistent("associations: a group's detection is not assigned to its members")
+    return in_group
 
 
 def _check_beliefs(name: str, answer: Evidence | AttributeScores, rows: int) -> None:

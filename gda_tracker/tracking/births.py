@@ -21,6 +21,7 @@ from gda_tracker.tracking.mht.start import start_numbers, start_scores
 from gda_tracker.tracking.model_states import has_models, with_models
 from gda_tracker.tracking.parameter_groups.life import M_OF_N
 from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.signal_strength import starts
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.beliefs import Evidence
 from gda_tracker.vocabulary.hypotheses import Associations
@@ -84,10 +85,13 @@ def begin_tracks(
         set_sums(born, sums, np.arange(count), p)
     started = new.select(slice(count))
     density = opened.predictions.settings.clutter_density
-    born.log_prior_odds = prior_odds(started, scan, density, p)
+    born.strength, strengths_ratio, log_seen = starts(started, scan, p)
+    # What the strengths say of a target counts in the test; the rest is a matter of the start.
+    born.log_likelihood_ratio = strengths_ratio
+    born.log_prior_odds = prior_odds(started, scan, density, p) + log_seen
     width = table.detection_numbers.shape[1]
     if width:
-        born.log_score = start_scores(started, scan, density, p)
+        born.log_score = start_scores(started, scan, density, p) + (log_seen + strengths_ratio)
         born.detection_numbers = start_numbers(started, number, width)
     begin_extents(born, scan, started.detection, density, p)
     state.next_hypothesis_id += count
@@ -136,6 +140,7 @@ def new_tracks(
         max_speed_mps=parameters.max_speed_mps,
         memory_scans=parameters.initiation_memory_scans,
         first_number=first_number,
+        signal=scan.signal_strength,
     )
     if len(new.detection):
         new.mean, new.covariance = bounded_speed(new.mean, new.covariance, parameters.max_speed_mps)

@@ -30,6 +30,7 @@ from gda_tracker.tracking.hypotheses import ROW_FIELDS, HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.manager_state import ManagerState
+from gda_tracker.tracking.mht.couplings import Couplings
 from gda_tracker.tracking.mht.generations import Generation
 from gda_tracker.tracking.statement_desk import desk_from_plain, desk_to_plain
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
@@ -39,6 +40,7 @@ _LENGTH = struct.Struct("<Q")
 _CHECKSUM = struct.Struct("<I")
 _TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal", "cell_members")
 _POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))
+_COUPLING_FIELDS = tuple(f.name for f in dataclasses.fields(Couplings))
 _CLUTTER_FIELDS = ("extent_m", "exposure_scans", "count")
 # Fields of ManagerState that are written as they are.
 _PLAIN = (
@@ -67,6 +69,7 @@ def save(manager: TrackManager, path: Path) -> None:
     arrays = _table_arrays("table", state.table)
     arrays |= {f"points_{name}": getattr(state.points, name) for name in _POINT_FIELDS}
     arrays |= {f"clutter_{name}": getattr(state.clutter, name) for name in _CLUTTER_FIELDS}
+    arrays |= {f"couplings_{name}": getattr(state.couplings, name) for name in _COUPLING_FIELDS}
     arrays["deleted_track_id"] = state.deleted_track_id
     for place, generation in enumerate(state.generations):
         arrays |= _table_arrays(f"generation{place}", generation.table)
@@ -229,6 +232,14 @@ def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> M
         clutter=ClutterMap(
             tuple(rest["clutter_sensors"]),
             **{name: arrays[f"clutter_{name}"] for name in _CLUTTER_FIELDS},
+        ),
+        couplings=Couplings(
+            # Checkpoints of versions without are read too.
+            **{
+                name: arrays[f"couplings_{name}"]
+                for name in _COUPLING_FIELDS
+                if f"couplings_{name}" in arrays
+            }
         ),
         last_sensors=tuple(rest["last_sensors"]),
         last_key=key,

@@ -9,20 +9,24 @@ import numpy as np
 
 from gda_tracker.association.choices import JPDA
 from gda_tracker.tracking.births import begin_tracks
+from gda_tracker.tracking.blind_zone import apply_zone, count_blind, zone_of
 from gda_tracker.tracking.clutter import clutter_after
 from gda_tracker.tracking.extended.updates import update_extents, update_extents_by_marginals
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
+from gda_tracker.tracking.group_update import assigned_alone, update_chosen_groups
 from gda_tracker.tracking.history_window import remember
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.jpda_update import update_by_marginals
 from gda_tracker.tracking.life import judge
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
+from gda_tracker.tracking.mht.couplings import Couplings
 from gda_tracker.tracking.mht.delayed import past_of
 from gda_tracker.tracking.mht.generations import Generation, settle
 from gda_tracker.tracking.mht.growth import coast, grow
 from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.signal_strength import update_strengths, update_strengths_by_marginals
 from gda_tracker.tracking.state_update import count_detections, update_beliefs, update_states
 from gda_tracker.tracking.statement_update import (
     heard_rows,
@@ -90,9 +94,9 @@ def close_unanswered(
     past: list[Generation] = []
     if opened.predictions.settings.decision == MHT:
         past = [] if opened.started else past_of(state)
-        table = _renamed(coast(opened, past, parameters), state)
+        table = _renamed(*coast(opened, past, parameters, state.couplings), state)
     else:
-        table = opened.table.copy()
+        table, state.couplings = opened.table.copy(), Couplings()
         table.detection_index = np.full(len(table), -1, dtype=np.int64)
     merge_components(table, parameters)
     points = StartPoints() if opened.started else state.points
@@ -111,6 +115,7 @@ def _close_single(
 ) -> ClosedScan:
     """Close the open scan with one hypothesis for each track."""
     p, table = parameters, opened.table.copy()
+    state.couplings = Couplings()
     assigned = associations.assigned_detection
     if evidence is not None:
         table.use_frame(evidence.frame, evidence.class_names)
@@ -118,13 +123,20 @@ def _close_single(
         if scores is not None:
             every = np.arange(len(scores.updated_hypothesis))
             update_heard_beliefs(table, scores, scores.updated_hypothesis.astype(np.int64), every)
-        update_by_marginals(table, opened.scan, scores, associations, p.use_range_rate)
+        zone = zone_of(opened.scan, p)
+        update_by_marginals(table, opened.scan, scores, associations, p.use_range_rate, zone)
+        count_blind(table, opened, np.arange(len(table)), assigned >= 0, zone)
+        update_strengths_by_marginals(table, opened.scan, associations, p.signal_threshold)
     else:
-        update_states(table, opened.scan, assigned, p.use_range_rate)
+        single = assigned_alone(associations)
+        update_states(table, opened.scan, single, p.use_range_rate)
+        update_chosen_groups(table, opened.table, opened.scan, associations)
+        apply_zone(table, opened, np.arange(len(table)), assigned >= 0, p)
+        update_strengths(table, opened.scan, assigned, p.signal_threshold)
         if scores is not None:
             update_beliefs(table, scores, associations.chosen)
             update_heard_beliefs(
-                table, scores, *heard_rows(scores, np.arange(len(table)), assigned < 0)
+                table, scores, *heard_rows(scores, np.arange(len(table)), single < 0)
             )
     if opened.scan.statements:
         update_heard_states(
@@ -142,7 +154,10 @@ def _close_single(
     count_detections(table, opened.scan, assigned)
     density = opened.clutter_density
     gone = judge(
-        table, lambda: scan_increments(opened.predictions, scores, associations, density), p
+        table,
+        lambda: scan_increments(opened.predictions, scores, associations, density),
+        p,
+        opened.scan.key.stamp_ns,
     )
     state.clutter = clutter_after(state.clutter, opened.scan, table.status, assigned, p)
     deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
@@ -164,10 +179,17 @@ def _close_trees(
     """Close the open scan by growing the hypothesis trees."""
     past = [] if opened.started else past_of(state)
     growth = grow(
-        opened, past, evidence, scores, associations, state.next_detection_number, parameters
+        opened,
+        past,
+        evidence,
+        scores,
+        associations,
+        state.next_detection_number,
+        parameters,
+        state.couplings,
     )
     settle(past, growth.ended_parent_id)
-    table = _renamed(growth.table, state)
+    table = _renamed(growth.table, growth.couplings, state)
     deleted = np.concatenate([opened.ended_track_id, growth.ended_track_id])
     decided = replace(associations, assigned_detection=growth.assigned)
     state.clutter = clutter_after(
@@ -177,11 +199,12 @@ def _close_trees(
     return ClosedScan(table, points, deleted, TRACKED, growth.assigned, past)
 
 
-def _renamed(table: HypothesisTable, state: ManagerState) -> HypothesisTable:
-    """Give every row an id of its own."""
-    first = state.next_hypothesis_id
+def _renamed(table: HypothesisTable, couplings: Couplings, state: ManagerState) -> HypothesisTable:
+    """Give every row an id of its own, and the couplings these ids."""
+    first, places = state.next_hypothesis_id, table.hypothesis_id
     state.next_hypothesis_id = first + len(table)
     table.hypothesis_id = np.arange(first, first + len(table), dtype=np.int64)
+    state.couplings = couplings.renamed(places, table.hypothesis_id)
     return table
 
 

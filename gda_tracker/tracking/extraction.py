@@ -190,23 +190,40 @@ def scan_increments(
     """
     decided = associations
     rows, columns = decided.hypothesis, decided.detection
-    owner = np.full(int(columns.max(initial=-1)) + 1, -1, dtype=np.int64)
+    # Groups may have detections that are in no gate.
+    most = max(int(columns.max(initial=-1)), int(decided.assigned_detection.max(initial=-1)))
+    owner = np.full(most + 1, -1, dtype=np.int64)
     served = np.flatnonzero(decided.assigned_detection >= 0)
     owner[decided.assigned_detection[served]] = predictions.track_id[served]
     track = predictions.track_id[rows]
     own = (owner[columns] < 0) | (owner[columns] == track)
+    shares = decided.group_chosen.copy()
+    if shares.any():
+        shared = np.isin(columns, decided.group_detection[shares])
+        own &= ~shared
     attribute: FloatArray | float = 0.0
     clutter: FloatArray | float = 0.0
     if scores is not None and not decided.degraded:
         attribute = scores.log_likelihood[own]
         clutter = scores.clutter_log_likelihood[columns[own]]
+    rows = rows[own]
+    log_ratio = pair_log_ratios(
+        decided.kinematic_log_likelihood[own], clutter_density[rows], attribute, clutter
+    )
+    if shares.any():
+        # The detection of a group speaks for both members.
+        shares &= decided.group_detection >= 0
+        members = np.concatenate([decided.group_first[shares], decided.group_second[shares]])
+        likelihood = np.tile(decided.group_log_likelihood[shares], 2)
+        rows = np.concatenate([rows, members])
+        log_ratio = np.concatenate(
+            [log_ratio, pair_log_ratios(likelihood, clutter_density[members])]
+        )
     return summed_increments(
         predictions.detection_probability,
         predictions.settings.gate_probability,
-        rows[own],
-        pair_log_ratios(
-            decided.kinematic_log_likelihood[own], clutter_density[rows[own]], attribute, clutter
-        ),
+        rows,
+        log_ratio,
     )
 
 

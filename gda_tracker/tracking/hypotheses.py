@@ -31,7 +31,8 @@ class HypothesisTable:
     of the frame, ``class_probability`` (H, C), ``conflict`` (H,). ``log_likelihood_ratio`` (H,) is
     that of sequential extraction, kept under every rule; with ``log_prior_odds`` (H,) of the start
     and ``log_room`` (H,), see :mod:`gda_tracker.tracking.existence`, it says how probably there is
-    a target. The fields of the history window
+    a target; ``blind_scans`` (H,) of the ``coasted_scans`` are explained by a blind zone, see
+    :mod:`gda_tracker.tracking.blind_zone`. The fields of the history window
     are those of ``Predictions``, see :mod:`gda_tracker.tracking.history_window`; no columns without
     a window.
 
@@ -54,6 +55,9 @@ class HypothesisTable:
     Of extended objects ``extended`` (H, 6) is what :mod:`gda_tracker.tracking.extended.columns`
     says, (H, 0) without; ``cell_members`` (m, 2) are the rows in the source's array of the
     detections of the last scan's cells, each behind that by which its cell is called.
+
+    ``strength`` (H, 2) are shape and scale of what is known of the strength of the target's
+    signals, see :mod:`gda_tracker.tracking.signal_strength`; (H, 0) without.
     """
 
     hypothesis_id: IntArray = field(default_factory=_ints)
@@ -73,6 +77,7 @@ class HypothesisTable:
     log_likelihood_ratio: FloatArray = field(default_factory=empty_floats)
     log_prior_odds: FloatArray = field(default_factory=empty_floats)
     log_room: FloatArray = field(default_factory=empty_floats)
+    blind_scans: FloatArray = field(default_factory=empty_floats)
     conflict: FloatArray = field(default_factory=empty_floats)
     masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
@@ -86,6 +91,7 @@ class HypothesisTable:
     log_score: FloatArray = field(default_factory=empty_floats)
     detection_numbers: IntArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
     extended: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
+    strength: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     # Not per row:
     frame: tuple[str, ...] = ()
     focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
@@ -108,13 +114,15 @@ class HypothesisTable:
         count = len(self)
         if len(self.chosen) != count:
             self.chosen = np.ones(count, dtype=np.bool_)
-        for name in ("log_score", "log_prior_odds", "log_room"):
+        for name in ("log_score", "log_prior_odds", "log_room", "blind_scans"):
             if len(getattr(self, name)) != count:
                 setattr(self, name, np.zeros(count))
         if len(self.detection_numbers) != count:
             self.detection_numbers = np.zeros((count, 0), dtype=np.int64)
         if len(self.extended) != count:
             self.extended = empty_floats(count, 0)
+        if len(self.strength) != count:
+            self.strength = empty_floats(count, 0)
 
     def __len__(self) -> int:
         return len(self.hypothesis_id)

@@ -76,7 +76,8 @@ class StartPoints:
     """Detections of the last scans that belong to no track yet.
 
     ``position`` (S, 2) [m], ``covariance`` (S, 2, 2) [m2], ``stamp_ns`` (S,), ``age_scans`` (S,)
-    scans since the detection, ``number`` (S,) running number of the detection.
+    scans since the detection, ``number`` (S,) running number of the detection,
+    ``signal`` (S,) its strength, NaN where unknown.
     """
 
     position: FloatArray = field(default_factory=lambda: empty_floats(0, 2))
@@ -84,6 +85,12 @@ class StartPoints:
     stamp_ns: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     age_scans: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     number: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    signal: FloatArray = field(default_factory=empty_floats)
+
+    def __post_init__(self) -> None:
+        """Say of points that were made without strengths that none is known."""
+        if len(self.signal) != len(self.position):
+            self.signal = np.full(len(self.position), np.nan)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -96,6 +103,7 @@ class StartPoints:
             self.stamp_ns[rows],
             self.age_scans[rows],
             self.number[rows],
+            self.signal[rows],
         )
 
 
@@ -106,7 +114,8 @@ class NewTracks:
     ``detection`` (N,) is the row in the scan, ``first_stamp_ns`` (N,) the time of the earlier
     detection and ``first_number`` (N,) its running number, ``gap_scans`` (N,) the scans between the
     two detections plus one. ``log_density`` (N,) [log 1/m2] is that of the second one's position
-    given the first, were both a target's.
+    given the first, were both a target's. ``first_signal`` (N,) is the strength of the earlier
+    detection, NaN where unknown.
     """
 
     mean: FloatArray = field(default_factory=lambda: empty_floats(0, 4))
@@ -116,6 +125,12 @@ class NewTracks:
     gap_scans: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     first_number: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     log_density: FloatArray = field(default_factory=empty_floats)
+    first_signal: FloatArray = field(default_factory=empty_floats)
+
+    def __post_init__(self) -> None:
+        """Say of tracks that were made without strengths that none is known."""
+        if len(self.first_signal) != len(self.detection):
+            self.first_signal = np.full(len(self.detection), np.nan)
 
     def select(self, rows: np.ndarray | slice) -> NewTracks:
         """Return the new tracks of the given rows."""
@@ -127,6 +142,7 @@ class NewTracks:
             self.gap_scans[rows],
             self.first_number[rows],
             self.log_density[rows],
+            self.first_signal[rows],
         )
 
 
@@ -139,6 +155,7 @@ def start_tracks(
     max_speed_mps: float,
     memory_scans: int,
     first_number: int = 0,
+    signal: FloatArray | None = None,
 ) -> tuple[NewTracks, StartPoints]:
     """Pair unassigned detections with earlier start points.
 
@@ -160,6 +177,8 @@ def start_tracks(
         Scans for which a start point waits for its second detection, counted from the next one.
     first_number
         Running number of the scan's first detection.
+    signal
+        (n,) strengths of the measurements, where they count.
 
     Returns
     -------
@@ -174,6 +193,8 @@ def start_tracks(
         stamps += np.round(offset * 1e9).astype(np.int64)
     age = np.zeros(len(free), dtype=np.int64)
     fresh = StartPoints(position, covariance, stamps, age, first_number + unassigned)
+    if signal is not None:
+        fresh.signal = signal[unassigned]
     older, newer, cost = _allowed_pairs(points, fresh, max_speed_mps)
     older, newer = _match(older, newer, cost)
 
@@ -200,6 +221,7 @@ def start_tracks(
         points.age_scans[older] + 1,
         points.number[older],
         log_density,
+        points.signal[older],
     )
     waiting = points.age_scans + 1 < memory_scans
     waiting[older] = False
@@ -214,6 +236,7 @@ def start_tracks(
         np.concatenate([kept.stamp_ns, fresh.stamp_ns]),
         np.concatenate([kept.age_scans + 1, fresh.age_scans]),
         np.concatenate([kept.number, fresh.number]),
+        np.concatenate([kept.signal, fresh.signal]),
     )
 
 

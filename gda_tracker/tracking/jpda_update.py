@@ -16,6 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gda_tracker.kinematics.blind_zone import BlindZone
+from gda_tracker.tracking.blind_zone import reweight
+from gda_tracker.tracking.group_update import SharedUpdates, shared_updates
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.model_states import set_models
 from gda_tracker.tracking.state_update import update_states
@@ -31,6 +34,7 @@ def update_by_marginals(
     scores: AttributeScores | None,
     associations: Associations,
     use_range_rate: bool = True,
+    zone: BlindZone | None = None,
 ) -> None:
     """Update states and, with scores, beliefs by the joint marginals of the associations."""
     update_states_by_marginals(
@@ -40,6 +44,8 @@ def update_by_marginals(
         associations.detection,
         associations.joint_marginal,
         use_range_rate,
+        shared_updates(table, scan, associations) if len(associations.group_first) else None,
+        zone,
     )
     if scores is not None:
         update_beliefs_by_marginals(table, scores, associations.joint_marginal)
@@ -52,6 +58,8 @@ def update_states_by_marginals(
     detection: Int32Array,
     marginal: FloatArray,
     use_range_rate: bool = True,
+    shared: SharedUpdates | None = None,
+    zone: BlindZone | None = None,
 ) -> None:
     """Update the state of each hypothesis with its detections, weighted by their probabilities.
 
@@ -66,12 +74,24 @@ def update_states_by_marginals(
         beta_ij; those of a hypothesis sum to 1 at most, up to rounding.
     use_range_rate : bool
         As for :func:`state_update.update_states`.
+    shared : SharedUpdates, optional
+        Updates by detections that hypotheses may share with others.
+    zone : BlindZone, optional
+        Of the sensor: a miss and a hit both say something about the range rate then. Does not go
+        with shared detections.
     """
-    if not len(marginal):
+    if not len(marginal) and shared is None:
+        reweight(table, np.arange(len(table)), zone, detected=False)
         return
-    missed = missed_probability(len(table), hypothesis, marginal)
     updated = table.select(hypothesis)
     update_states(updated, scan, detection, use_range_rate)
+    reweight(updated, np.arange(len(updated)), zone, detected=True)
+    reweight(table, np.arange(len(table)), zone, detected=False)
+    if shared is not None:
+        hypothesis = np.concatenate([hypothesis, shared.rows])
+        marginal = np.concatenate([marginal, shared.marginal])
+        updated = updated.append(shared.updated)
+    missed = missed_probability(len(table), hypothesis, marginal)
     if not table.model_weight.shape[1]:
         _, mean, covariance = _mixed(
             missed[:, None],

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
+from gda_tracker.tracking.blind_zone import outlived
 from gda_tracker.tracking.extraction import decide, held_between, sequential_test
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.lifecycle import confirmed, ended
@@ -20,6 +23,7 @@ def judge(
     table: HypothesisTable,
     increments: Increments,
     parameters: TrackManagerParameters,
+    stamp_ns: int = 0,
 ) -> BoolArray:
     """Confirm tracks in ``table``, whose hits and misses are those after the scan.
 
@@ -32,13 +36,17 @@ def judge(
         :func:`gda_tracker.tracking.extraction.scan_increments`.
     parameters
         Of the track manager.
+    stamp_ns
+        Time of the scan.
 
     Returns
     -------
     (H,) array
         Which tracks end.
     """
-    return _RULES[parameters.extraction](table, increments, parameters)
+    gone = _RULES[parameters.extraction](table, increments, parameters)
+    long = outlived(table, stamp_ns, parameters)
+    return gone if long is None else gone | long
 
 
 def _m_of_n(
@@ -55,7 +63,8 @@ def _m_of_n(
         table.status,
         table.history,
         table.age_scans,
-        table.coasted_scans,
+        # Misses that a blind zone explains are none.
+        np.rint(table.coasted_scans - table.blind_scans).astype(np.int64),
         confirmation_hits=p.confirmation_hits,
         confirmation_scans=p.confirmation_scans,
         deletion_misses=p.deletion_misses,

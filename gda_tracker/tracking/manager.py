@@ -436,4 +436,5 @@ class TrackManager:
     ) -> Tracks:
         frame_id = self.parameters.tracking_frame
         key = ScanKey(self.epoch, *key[1:])
-        return tracks_of(table, key, frame_id, self.system_uuid, deleted, degraded)
+        lambda_ = self.parameters.signal_threshold
+        return tracks_of(table, key, frame_id, self.system_uuid, deleted, degraded, lambda_)

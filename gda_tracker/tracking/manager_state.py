@@ -10,6 +10,7 @@ import numpy as np
 from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
+from gda_tracker.tracking.mht.couplings import Couplings
 from gda_tracker.tracking.mht.generations import Generation
 from gda_tracker.tracking.statement_desk import StatementDesk
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
@@ -37,7 +38,7 @@ class ManagerState:
     """What a restart needs: hypotheses, start points, ids, the last closed scan, statements.
 
     ``generations`` are the trees of the scans before the last closed one, oldest first; there are
-    none but under ``mht``.
+    none but under ``mht``, and no ``couplings`` of tracks that may have shared detections.
     """
 
     table: HypothesisTable = field(default_factory=HypothesisTable)
@@ -56,3 +57,4 @@ class ManagerState:
     clutter: ClutterMap = field(default_factory=ClutterMap)
     generations: list[Generation] = field(default_factory=list)
     desk: StatementDesk = field(default_factory=StatementDesk)
+    couplings: Couplings = field(default_factory=Couplings)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gda_tracker.tracking.blind_zone import tell_zone
 from gda_tracker.tracking.clutter import densities_of_hypotheses
 from gda_tracker.tracking.extended.cells import scan_of_cells
 from gda_tracker.tracking.extended.columns import predict_extents, with_extents
@@ -17,6 +18,7 @@ from gda_tracker.tracking.mht.start import fit
 from gda_tracker.tracking.parameter_groups.extended import NONE
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.predictions import predictions_of
+from gda_tracker.tracking.signal_strength import tell_strengths, with_signals, with_strengths
 from gda_tracker.tracking.state_update import predict_states
 from gda_tracker.tracking.statement_desk import DeskLimits
 from gda_tracker.tracking.waiting_room import Waiting
@@ -63,16 +65,17 @@ def open_scan(
     table = fit(table, p.mht_scans if p.decision == "mht" else 0)
     last, table = table, with_window(predict_states(table, dt_s, p), p.window_rows)
     table = predict_extents(last, table, dt_s, p)
+    table, scan = with_strengths(table, dt_s, p), with_signals(scan, p, counters)
     density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
-    predictions = predictions_of(scan.key, table, p, density)
+    if state.desk.waiting:
+        scan = _with_statements(scan, table, state, p, counters)
+    predictions = tell_strengths(predictions_of(scan.key, table, p, density), scan, table, p)
     if p.extended_objects != NONE and not scan.sensor_model:
         scan = scan_of_cells(scan, table, predictions.settings.clutter_density, p)
         predictions = with_extents(predictions, table, p)
-    if state.desk.waiting:
-        scan = _with_statements(scan, table, state, p, counters)
     return OpenScan(
         scan,
-        predictions,
+        tell_zone(predictions, scan, p),
         table,
         ended_ids,
         started,

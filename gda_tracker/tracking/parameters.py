@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gda_tracker.tracking.parameter_groups.blind_zone import BlindZoneParameters
 from gda_tracker.tracking.parameter_groups.door import DoorParameters
 from gda_tracker.tracking.parameter_groups.extended import ExtendedParameters
 from gda_tracker.tracking.parameter_groups.history import HistoryParameters
@@ -12,8 +13,10 @@ from gda_tracker.tracking.parameter_groups.method import MethodParameters
 from gda_tracker.tracking.parameter_groups.mht import MhtParameters
 from gda_tracker.tracking.parameter_groups.motion import MotionParameters
 from gda_tracker.tracking.parameter_groups.operation import OperationParameters
+from gda_tracker.tracking.parameter_groups.resolution import ResolutionParameters
 from gda_tracker.tracking.parameter_groups.sensor import SensorParameters
 from gda_tracker.tracking.parameter_groups.sensor_models import SensorModelParameters
+from gda_tracker.tracking.parameter_groups.strength import StrengthParameters
 
 
 # The last group first: a dataclass takes its fields from its last base first.
@@ -26,7 +29,10 @@ class TrackManagerParameters(
     LifeParameters,
     ExtendedParameters,
     MotionParameters,
+    ResolutionParameters,
     SensorModelParameters,
+    StrengthParameters,
+    BlindZoneParameters,
     SensorParameters,
     MethodParameters,
 ):
@@ -35,6 +41,9 @@ class TrackManagerParameters(
     def __post_init__(self) -> None:
         MotionParameters.check(self)
         SensorModelParameters.check(self)
+        BlindZoneParameters.check(self)
+        StrengthParameters.check(self)
+        ResolutionParameters.check(self)
         LifeParameters.check(self)
         HistoryParameters.check(self)
         DoorParameters.check(self)

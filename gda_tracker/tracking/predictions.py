@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from gda_tracker.tracking.group_update import group_candidates, resolution_settings
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.parameter_groups.sensor import GIVEN
 from gda_tracker.tracking.parameters import TrackManagerParameters
@@ -49,6 +50,7 @@ def predictions_of(
             clutter_density=common_density(clutter_density, parameters),
             history_policy=parameters.history_policy,
             forgetting_factor=parameters.share_kept,
+            **resolution_settings(parameters),
         ),
         hypothesis_id=table.hypothesis_id,
         parent_id=table.parent_id,
@@ -68,6 +70,7 @@ def predictions_of(
         window_kind=table.window_kind,
         window_masses=table.window_masses,
         window_log_class_likelihood=table.window_log_class_likelihood,
+        group_candidate=group_candidates(table, parameters),
     )
 
 

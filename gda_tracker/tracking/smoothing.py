@@ -81,6 +81,7 @@ class Smoother:
                     closed.system_uuid,
                     closed.deleted_track_id,
                     closed.degraded,
+                    closed.parameters.signal_threshold,
                 )
             )
             later, smoothed = closed, table

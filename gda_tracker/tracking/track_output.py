@@ -7,6 +7,7 @@ import numpy as np
 from gda_tracker.tracking.existence import existence_of_tracks
 from gda_tracker.tracking.extended.output import extents_of_tracks
 from gda_tracker.tracking.hypotheses import HypothesisTable
+from gda_tracker.tracking.signal_strength import told_strengths
 from gda_tracker.vocabulary.arrays import IntArray
 from gda_tracker.vocabulary.scans import ScanKey
 from gda_tracker.vocabulary.tracks import Tracks
@@ -19,8 +20,13 @@ def tracks_of(
     system_uuid: bytes,
     deleted_track_id: IntArray,
     degraded: bool,
+    signal_threshold: float,
 ) -> Tracks:
-    """Return the tracks after a scan; ``table`` has one row for each."""
+    """Return the tracks after a scan; ``table`` has one row for each.
+
+    ``signal_threshold`` is that above which signals are detections.
+    """
+    strength, std_db, seen = told_strengths(table, signal_threshold)
     return Tracks(
         key=key,
         frame_id=frame_id,
@@ -37,6 +43,9 @@ def tracks_of(
         class_probability=table.class_probability,
         conflict=table.conflict,
         existence_probability=existence_of_tracks(table),
+        signal_strength=strength,
+        signal_strength_std_db=std_db,
+        detection_probability=seen,
         hits=table.hits,
         misses=table.misses,
         coasted_scans=table.coasted_scans,

@@ -63,6 +63,11 @@ def positions(picture: Picture) -> FloatArray:
     return picture.sensor_xy_m + np.stack([r * np.cos(a), r * np.sin(a)], axis=1)
 
 
+def located(picture: Picture) -> NDArray[np.bool_]:
+    """Which detections (n,) are places in the plane."""
+    return np.isfinite(picture.sightings.range_m) & np.isfinite(picture.sightings.azimuth_rad)
+
+
 def scan_json(history: History, at: int, picture: Picture) -> dict[str, Any]:
     """What the page draws of one scan."""
     report, settings = picture.report, picture.settings
@@ -97,13 +102,14 @@ def scan_json(history: History, at: int, picture: Picture) -> dict[str, Any]:
 
 def past_json(at: int, picture: Picture) -> dict[str, Any]:
     """What of an earlier scan is still seen: where detections and tracks were."""
-    xy = positions(picture)
+    there = located(picture)
+    xy = positions(picture)[there]
     return {
         "number": at,
         "x": numbers(xy[:, 0], 2),
         "y": numbers(xy[:, 1], 2),
-        "range": numbers(picture.sightings.range_m, 2),
-        "azimuth": numbers(picture.sightings.azimuth_rad, 5),
+        "range": numbers(picture.sightings.range_m[there], 2),
+        "azimuth": numbers(picture.sightings.azimuth_rad[there], 5),
         "id": picture.tracks.track_id.tolist(),
         "tx": numbers(picture.tracks.mean[:, 0], 2),
         "ty": numbers(picture.tracks.mean[:, 1], 2),
@@ -111,15 +117,17 @@ def past_json(at: int, picture: Picture) -> dict[str, Any]:
 
 
 def _detections(picture: Picture) -> dict[str, Any]:
-    seen, xy = picture.sightings, positions(picture)
+    seen, there = picture.sightings, located(picture)
+    xy = positions(picture)[there]
     return {
-        "row": seen.source_index.tolist(),
+        "row": seen.source_index[there].tolist(),
         "x": numbers(xy[:, 0], MILLIMETRES),
         "y": numbers(xy[:, 1], MILLIMETRES),
-        "range": numbers(seen.range_m, MILLIMETRES),
-        "azimuth": numbers(seen.azimuth_rad, MICRORADIANS),
-        "rcs_dbsm": numbers(decibels(seen.rcs_m2), 2),
-        "range_rate": numbers(seen.range_rate_mps, 2),
+        "range": numbers(seen.range_m[there], MILLIMETRES),
+        "azimuth": numbers(seen.azimuth_rad[there], MICRORADIANS),
+        "rcs_dbsm": numbers(decibels(seen.rcs_m2[there]), 2),
+        "range_rate": numbers(seen.range_rate_mps[there], 2),
+        "curves": numbers(seen.curves, 2),
     }
 
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from gda_tracker.kinematics.measurement_curves import measurement_curves
 from gda_tracker.kinematics.measurement_models import locates
 from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.tracking.gates import Gates, gates_of
@@ -22,6 +23,8 @@ from gda_tracker.vocabulary.hypotheses import Associations, AssociationSettings,
 from gda_tracker.vocabulary.scans import Scan, ScanReport
 from gda_tracker.vocabulary.tracks import Tracks
 
+FARTHEST_WITHOUT_TRACKS_M = 20_000.0
+
 
 @dataclass(slots=True)
 class Sightings:
@@ -29,7 +32,9 @@ class Sightings:
 
     ``range_m``, ``azimuth_rad`` (n,) as seen from the sensor, counter-clockwise from the x axis of
     the tracking frame; ``rcs_m2`` (n,) NaN where unknown; ``range_rate_mps`` (n,) NaN where not
-    measured; ``source_index`` (n,) row in the source's ``Detections``.
+    measured; ``source_index`` (n,) row in the source's ``Detections``. Of a sensor that does not
+    locate range and azimuth are NaN, and ``curves`` (n, P, 2) are points [m] on the rays, circles,
+    ellipses or hyperbolas of its detections.
     """
 
     range_m: FloatArray
@@ -37,6 +42,7 @@ class Sightings:
     rcs_m2: FloatArray
     range_rate_mps: FloatArray
     source_index: Int32Array
+    curves: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 2))
 
 
 @dataclass(slots=True)
@@ -92,7 +98,7 @@ def picture_of(result: RingResult, previous: Tracks | None = None) -> Picture | 
     # The yaw of any attitude: where the sensor's x axis points in the plane.
     picture.sensor_yaw_rad = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     picture.sensor_xy_m = np.array(scan.sensor_position_m[:2])
-    picture.sightings = _sightings(scan)
+    picture.sightings = _sightings(scan, result.tracks)
     if predictions is None:
         return picture
     picture.settings = predictions.settings
@@ -107,18 +113,30 @@ def _no_sightings() -> Sightings:
     return Sightings(none, none, none, none, np.zeros(0, dtype=np.int32))
 
 
-def _sightings(scan: Scan) -> Sightings:
-    if not locates(scan):
-        return _no_sightings()
-    polar = polar_measurements(scan)
+def _sightings(scan: Scan, tracks: Tracks) -> Sightings:
+    unknown = np.full(len(scan), np.nan)
     rate = scan.range_rate_mps
-    return Sightings(
-        polar.range_m,
-        polar.azimuth_rad,
+    sightings = Sightings(
+        unknown,
+        unknown,
         np.where(scan.rcs_valid, scan.rcs_m2, np.nan),
-        np.full(len(scan), np.nan) if rate is None else rate,
+        unknown if rate is None else rate,
         scan.source_index,
     )
+    if locates(scan):
+        polar = polar_measurements(scan)
+        sightings.range_m, sightings.azimuth_rad = polar.range_m, polar.azimuth_rad
+    else:
+        sightings.curves = measurement_curves(scan, _farthest(scan, tracks))
+    return sightings
+
+
+def _farthest(scan: Scan, tracks: Tracks) -> float:
+    """How far curves are followed [m]: three times as far as there are tracks."""
+    gap = tracks.mean[:, :2] - scan.sensor_position_m[:2]
+    distance = np.hypot(gap[:, 0], gap[:, 1])
+    farthest = float(distance[np.isfinite(distance)].max(initial=0.0))
+    return 3.0 * farthest if farthest > 0.0 else FARTHEST_WITHOUT_TRACKS_M
 
 
 def _decision(

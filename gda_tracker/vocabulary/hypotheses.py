@@ -33,7 +33,11 @@ class AssociationSettings:
     track. ``degraded``: the track manager has given up the attribute scores; kinematics alone
     decide. ``history_policy`` is one of ``HISTORY_POLICIES``; ``forgetting_factor``, the share of
     the history kept at each detection with a known attribute, goes with ``forgetting``; how long
-    the window is shows in the predictions' arrays.
+    the window is shows in the predictions' arrays. ``signal_threshold`` lambda and
+    ``clutter_strength`` c, in mean noise powers, go with the strengths of ``Predictions``.
+    ``resolution_range_m`` and ``resolution_azimuth_rad`` are the distances at which half of the
+    pairs of targets are resolved, 0 for a sensor that resolves all;
+    ``unresolved_detection_probability`` goes with them.
     """
 
     decision: str = "gda"
@@ -44,6 +48,11 @@ class AssociationSettings:
     degraded: bool = False
     history_policy: str = "none"
     forgetting_factor: float = 1.0
+    signal_threshold: float = 0.0
+    clutter_strength: float = 0.0
+    resolution_range_m: float = 0.0
+    resolution_azimuth_rad: float = 0.0
+    unresolved_detection_probability: float = 0.0
 
 
 @dataclass(slots=True)
@@ -62,6 +71,13 @@ class Predictions:
     C) are those of ``Evidence``; of a ``BELIEF_ROW`` the latter are log class probabilities.
 
     ``extents`` are there where hypotheses are extended objects.
+
+    Where signal strength counts on this scan, and else empty: ``strength_shape`` and
+    ``strength_scale`` (H,) of the inverse Gamma density of 1 + mean strength
+    (:mod:`gda_tracker.kinematics.signal_strength`), on which ``detection_probability`` rests.
+
+    ``group_candidate`` (H,) marks the hypotheses that may share a detection with another one's; no
+    entries where the sensor resolves all.
     """
 
     key: ScanKey
@@ -85,6 +101,9 @@ class Predictions:
     window_masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
     window_log_class_likelihood: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
     extents: PredictedExtents | None = None
+    strength_shape: FloatArray = field(default_factory=empty_floats)
+    strength_scale: FloatArray = field(default_factory=empty_floats)
+    group_candidate: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
 
     def __len__(self) -> int:
         return len(self.hypothesis_id)
@@ -94,12 +113,20 @@ class Predictions:
 class Associations:
     """The decision on one scan for P gated pairs of H hypotheses; message ``Associations``.
 
-    Per pair (P,): ``kinematic_log_likelihood`` [log 1/(m rad)], ``p_kinematic`` P_k (14.4.1),
-    ``p_attribute`` P_a = 1 - P'_a (14.4.2), ``p_generalised`` P_k P_a, ``joint_marginal`` from the
-    joint kinematic and attribute likelihood (decision ``jpda``: after the coalescence remedy),
-    ``chosen``. ``assigned_detection`` (H,) is the row in the scan or -1. ``cluster_engine`` (G,)
-    indexes ``engine_names``; ``cluster_converged`` (G,) is False where an approximate engine did
-    not settle.
+    Per pair (P,): ``kinematic_log_likelihood`` [log 1/(m rad)], with the ratio of the signal's
+    strength where that counts, ``p_kinematic`` P_k (14.4.1), ``p_attribute`` P_a = 1 - P'_a
+    (14.4.2), ``p_generalised`` P_k P_a, ``joint_marginal`` from the joint kinematic and attribute
+    likelihood (decision ``jpda``: after the coalescence remedy), ``chosen``.
+    ``assigned_detection`` (H,) is the row in the scan or -1. ``cluster_engine`` (G,) indexes
+    ``engine_names``; ``cluster_converged`` (G,) is False where an approximate engine did not
+    settle.
+
+    Of targets that the sensor may not have resolved, and else empty, E events (E,): the hypotheses
+    ``group_first`` and ``group_second`` of two tracks gave the one detection ``group_detection``
+    between them, or none (-1). ``group_unresolved`` is the probability P_u that the two are not
+    resolved, ``group_log_likelihood`` [log 1/(m rad)] that of the detection, ``group_marginal`` the
+    probability of the event, ``group_chosen`` marks those decided for; a chosen event gives its
+    detection to both, and none of their pairs is chosen.
     """
 
     key: ScanKey
@@ -121,3 +148,10 @@ class Associations:
     cluster_engine: Int32Array
     cluster_converged: BoolArray
     engine_names: tuple[str, ...]
+    group_first: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    group_second: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    group_detection: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    group_unresolved: FloatArray = field(default_factory=empty_floats)
+    group_log_likelihood: FloatArray = field(default_factory=empty_floats)
+    group_marginal: FloatArray = field(default_factory=empty_floats)
+    group_chosen: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))

@@ -77,6 +77,8 @@ class Scan:
     and azimuth; then what it does not measure is NaN, and velocity and reference are there.
     With ``cells`` (of extended objects) a row is a cell, several detections put together:
     ``source_index`` is the one nearest to their centroid.
+    ``signal_strength`` (n,) is in mean noise powers, NaN where unknown; ``None`` where it plays no
+    part.
     """
 
     key: ScanKey
@@ -101,6 +103,7 @@ class Scan:
     reference_position_m: FloatArray | None = None
     reference_velocity_mps: FloatArray | None = None
     cells: ScanCells | None = None
+    signal_strength: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.range_m)

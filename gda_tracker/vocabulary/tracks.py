@@ -11,6 +11,13 @@ from gda_tracker.vocabulary.scans import ScanKey
 
 TENTATIVE = 0
 CONFIRMED = 1
+# Fields of tracks that may be left out.
+NOT_KNOWN = (
+    "existence_probability",
+    "signal_strength",
+    "signal_strength_std_db",
+    "detection_probability",
+)
 
 
 def _ints() -> IntArray:
@@ -24,7 +31,10 @@ class Tracks:
     ``mean`` (N, s) [m, m/s] and ``covariance`` (N, s, s); ``class_probability`` (N, C), pignistic
     where the attribute term works with belief masses; ``masses`` (N, E) over the Venn bitmasks
     ``focal``; ``conflict`` (N,) of the last fusion; ``existence_probability`` (N,) of a target
-    behind the track, NaN where nothing is known of it; ``detection_index`` (N,) row in the
+    behind the track, NaN where nothing is known of it; ``signal_strength`` (N,) estimated mean
+    strength of its signals [mean noise powers], ``signal_strength_std_db`` (N,) [dB] the standard
+    deviation of 1 plus it, ``detection_probability`` (N,) what follows, NaN where not estimated;
+    ``detection_index`` (N,) row in the
     source's ``Detections``, -1 for none; stamps in ns. ``status`` (N,) is ``TENTATIVE`` or
     ``CONFIRMED``.
 
@@ -50,6 +60,9 @@ class Tracks:
     class_probability: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     conflict: FloatArray = field(default_factory=empty_floats)
     existence_probability: FloatArray = field(default_factory=empty_floats)
+    signal_strength: FloatArray = field(default_factory=empty_floats)
+    signal_strength_std_db: FloatArray = field(default_factory=empty_floats)
+    detection_probability: FloatArray = field(default_factory=empty_floats)
     hits: IntArray = field(default_factory=_ints)
     misses: IntArray = field(default_factory=_ints)
     coasted_scans: IntArray = field(default_factory=_ints)
@@ -65,9 +78,10 @@ class Tracks:
     detection_rows: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
 
     def __post_init__(self) -> None:
-        """Say of tracks that were made without a probability of existence that it is not known."""
-        if not len(self.existence_probability) and len(self.track_id):
-            self.existence_probability = np.full(len(self.track_id), np.nan)
+        """Say of what tracks were made without that it is not known."""
+        for name in NOT_KNOWN:
+            if not len(getattr(self, name)) and len(self.track_id):
+                setattr(self, name, np.full(len(self.track_id), np.nan))
 
     def __len__(self) -> int:
         return len(self.track_id)

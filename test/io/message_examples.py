@@ -302,6 +302,35 @@ def associations(pairs: int = 11, hypotheses: int = 5, clusters: int = 3) -> Ass
     )
 
 
+def shared_associations(events: int = 5) -> Associations:
+    """Return a decision with events of unresolved targets."""
+    rows = np.arange(events, dtype=np.int32)
+    return dataclasses.replace(
+        associations(),
+        group_first=rows,
+        group_second=rows + 1,
+        group_detection=rows - 1,
+        group_unresolved=floats(events, seed=8),
+        group_log_likelihood=floats(events, seed=9),
+        group_marginal=floats(events, seed=10),
+        group_chosen=rows % 2 == 0,
+    )
+
+
+def shared_predictions() -> Predictions:
+    """Return predictions of a sensor that does not resolve all."""
+    found = predictions()
+    settings = dataclasses.replace(
+        found.settings,
+        resolution_range_m=1.0 / 3.0,
+        resolution_azimuth_rad=1.0 / 7.0,
+        unresolved_detection_probability=0.8,
+    )
+    return dataclasses.replace(
+        found, settings=settings, group_candidate=np.arange(len(found)) % 2 == 0
+    )
+
+
 def tracks(count: int = 4, focal: tuple[int, ...] = ()) -> Tracks:
     """Return tracks."""
     ids = np.arange(count, dtype=np.int64)

@@ -484,7 +484,8 @@ CASES = {
 
 def test_every_parameter_of_the_layers_has_a_case():
     declared = specifications(MarkerParameters)
-    assert sorted(CASES) == sorted(declared)
+    # Curves are those of sensors that do not locate: test_sensor_model_shapes.py.
+    assert sorted([*CASES, "curve_farthest_m"]) == sorted(declared)
     assert all(item.live for item in declared.values())
 
 

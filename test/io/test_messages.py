@@ -40,6 +40,7 @@ ROUND_TRIPS = {
             examples.predictions(policy="forgetting"),
             examples.predictions(policy="window", rows=6),
             examples.predictions(policy="window"),
+            examples.shared_predictions(),
         ],
     ),
     "attribute_scores": (
@@ -51,7 +52,15 @@ ROUND_TRIPS = {
             examples.attribute_scores(updated=3),
         ],
     ),
-    "associations": ("associations", [examples.associations(), examples.associations(0, 0, 0)]),
+    "associations": (
+        "associations",
+        [
+            examples.associations(),
+            examples.associations(0, 0, 0),
+            examples.shared_associations(),
+            examples.shared_associations(0),
+        ],
+    ),
     "statement": ("statement", [examples.statement(), examples.statement(0)]),
     "statement_report": ("statement_report", [examples.statement_report()]),
     "tracks": ("tracks", [examples.tracks(), examples.tracks(0)]),

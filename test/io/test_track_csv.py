@@ -25,6 +25,9 @@ def simple_tracks() -> Tracks:
         class_probability=np.array([[0.0, 0.75, 0.25], [0.1, 0.2, 0.7]]),
         conflict=np.zeros(2),
         existence_probability=np.array([0.9989486841884, 0.125]),
+        signal_strength=np.array([4.5, np.nan]),
+        signal_strength_std_db=np.array([1.25, np.nan]),
+        detection_probability=np.array([0.5, np.nan]),
         hits=np.array([7, 2]),
         misses=np.array([1, 0]),
         coasted_scans=np.array([1, 0]),
@@ -45,7 +48,8 @@ def test_columns_are_in_their_order(tmp_path):
     assert (tmp_path / "tracks.csv").read_text() == (
         "scan,stamp_s,track_id,status,x_m,y_m,vx_mps,vy_mps,x_std_m,y_std_m,coasted_scans,hits,"
         "misses,detection_index,class,class_probability,existence_probability,semi_axis_m,"
-        "other_semi_axis_m,orientation_rad,expected_detections,detections\n"
+        "other_semi_axis_m,orientation_rad,expected_detections,detections,"
+        "signal_strength,signal_strength_std_db,detection_probability\n"
     )
 
 
@@ -55,9 +59,10 @@ def test_one_row_per_track_and_scan(tmp_path):
         writer.write(1, simple_tracks())
     lines = (tmp_path / "tracks.csv").read_text().splitlines()
     assert lines[1:] == [
-        "1,1620205606.919338123,3,confirmed,1.5,-2.0,0.1,0.3333333333333333,2.0,0.5,1,7,1,-1,fighter,0.75,0.9989486841884,,,,,",
+        "1,1620205606.919338123,3,confirmed,1.5,-2.0,0.1,0.3333333333333333,2.0,0.5,1,7,1,-1,fighter,0.75,0.9989486841884,,,,,,"
+        "4.5,1.25,0.5",
         "1,1620205606.919338123,5,tentative,1e-07,2000000000.0,0.0,-0.0,3.0,1.4142135623730951,0,2,0,4,"
-        '"cargo, big",0.7,0.125,,,,,',
+        '"cargo, big",0.7,0.125,,,,,,,,',
     ]
 
 

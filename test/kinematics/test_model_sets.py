@@ -14,6 +14,7 @@ from gda_tracker.kinematics.model_sets import (
     COORDINATED_TURN,
     MODELS,
     SINGER,
+    STANDSTILL,
     VAN_KEUK,
     WHITE_NOISE_ACCELERATION,
     ModelSet,
@@ -75,13 +76,24 @@ def test_models_are_those_of_the_library_and_draw_the_rest_anew():
     np.testing.assert_allclose(np.diag(q[3])[4:], [64.0, 64.0, (0.01 * 3.0) ** 2], rtol=1e-12)
 
 
+def test_what_stands_has_lost_its_speed():
+    """Where it was, but for a speed drawn anew; a fast target is still at its place."""
+    models = set_of(STANDSTILL, noise=(0.2,))
+    f, q = models.matrices(3.0)
+    moved = f[0] @ np.array([100.0, 200.0, 30.0, -40.0])
+    np.testing.assert_array_equal(moved, [100.0, 200.0, 0.0, 0.0])
+    velocity = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]).T
+    way = 3.0 * np.roll(velocity, -2, axis=0) + velocity
+    np.testing.assert_allclose(q[0], 0.2**2 * way @ way.T, rtol=1e-12)
+
+
 def test_no_time_changes_nothing():
-    models = set_of(*MODELS)
-    mean = np.random.default_rng(0).normal(size=(2, 6, 7))
+    models, m = set_of(*MODELS), len(MODELS)
+    mean = np.random.default_rng(0).normal(size=(2, m, 7))
     for moved, f in (models.moved(mean, 0.0), models.moved_pairs(mean, 0.0)):
-        np.testing.assert_array_equal(f.reshape(6, 7, 7), np.tile(np.eye(7), (6, 1, 1)))
-        np.testing.assert_array_equal(np.broadcast_to(mean[:, None], (2, 6, 6, 7))[:, 0], mean)
-        np.testing.assert_array_equal(moved.reshape(2, -1, 7)[:, :6], mean)
+        np.testing.assert_array_equal(f.reshape(m, 7, 7), np.tile(np.eye(7), (m, 1, 1)))
+        np.testing.assert_array_equal(np.broadcast_to(mean[:, None], (2, m, m, 7))[:, 0], mean)
+        np.testing.assert_array_equal(moved.reshape(2, -1, 7)[:, :m], mean)
     np.testing.assert_array_equal(models.matrices(0.0)[1], 0.0)
 
 

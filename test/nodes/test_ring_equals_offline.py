@@ -38,9 +38,12 @@ METHODS = (
     "jpda/bayes/cv",
     "mht/bayes/cv",
 )
+# Whether the nodes share a process or not makes no difference to what a method says on the topics:
+# one method of each kind of answers.
+IN_PROCESSES = ("gda/none/cv", "gda/pcr5/cv", "map/bayes/imm", "mht/bayes/cv")
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", IN_PROCESSES)
 def test_four_processes(method, environment):
     plays, parameters = scenario_plays("crossing_targets", method)
     played = play_in_processes(plays, parameters, environment)
@@ -66,6 +69,20 @@ def test_history_windows(method, window, domain):
     assert differences(expected, without)
     played = play_in_one_process(plays, parameters, domain)
     assert differences(played.tracks, expected) == []
+
+
+def test_unresolved_targets(domain):
+    """Who may share a detection, and what it tells of both, travels between the nodes."""
+    plays, parameters = scenario_plays("unresolved_pair", "jpda/none/cv")
+    for item in plays:
+        # From shortly before they meet until they have shared some.
+        item.detections, item.truth = item.detections[:16], item.truth[:16]
+    expected = offline(plays, parameters)
+    played = play_in_one_process(plays, parameters, domain)
+    assert differences(played.tracks, expected) == []
+    untold = {**parameters["track_manager"], "resolution_range_m": 0.0}
+    parameters["track_manager"] = {**untold, "resolution_azimuth_rad": 0.0}
+    assert differences(expected, offline(plays, parameters))
 
 
 def test_sequential_extraction_and_estimated_clutter(domain):

@@ -18,6 +18,7 @@ from gda_tracker.nodes.runner import Nodes, stage_nodes
 from gda_tracker.nodes.scan_source import ScanSourceNode
 from gda_tracker.nodes.set_valued_tracker import SetValuedTrackerNode
 from gda_tracker.nodes.track_events import TrackEventsNode
+from gda_tracker.nodes.track_formations import TrackFormationsNode
 from gda_tracker.nodes.track_output import TrackOutputNode
 from gda_tracker.vocabulary.tracks import CONFIRMED
 
@@ -70,6 +71,7 @@ def test_topics_of_the_page_and_a_driver_of_ones_own(environment, domain, tmp_pa
             RadarInputNode({"input_topic": "/nobody"}, **options),
             TrackOutputNode({}, **options),
             TrackEventsNode({}, **options),
+            TrackFormationsNode({}, **options),
             EvaluatorNode({}, **options),
             SetValuedTrackerNode({}, **options),
             RecorderNode({"bag": str(tmp_path / "bag")}, **options),

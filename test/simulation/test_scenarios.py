@@ -28,9 +28,14 @@ def test_shipped_scenarios_load_by_name_and_path():
         "crossing_bearings",
         "crossing_targets",
         "extended_objects",
+        "formations",
         "mixed_sensors",
         "moving_emitter",
+        "stop_and_go",
+        "stop_and_go_unaware",
         "two_sensors",
+        "weak_targets",
+        "weak_targets_by_rcs",
     ]
     for name, path in shipped_scenarios().items():
         assert load_scenario(name) == load_scenario(path)

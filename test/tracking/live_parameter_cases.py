@@ -21,6 +21,8 @@ TRACKS, DELAYED, ASSOCIATIONS, ANSWERS = "tracks", "delayed", "associations", "a
 
 JPDA = {"decision": "jpda"}
 MHT = {"decision": "mht"}
+UNRESOLVED = {**JPDA, "resolution_range_m": 200.0, "resolution_azimuth_rad": 0.05}
+STRENGTH = {"signal_strength": "swerling_1"}
 SEQUENTIAL = {"extraction": "sequential"}
 BELIEF_PROPAGATION = {"association": {"max_exact_size": 1}}
 PER_SCAN = {"filter": "imm", "imm_switching": "per_scan", "imm_transition": [0.9, 0.1, 0.1, 0.9]}
@@ -101,6 +103,20 @@ def measured_in_full() -> list[Any]:
             )
         )
     return scans
+
+
+@lru_cache
+def with_strengths() -> list[Any]:
+    """Each detection with the strength of its signal, above a threshold of about 4.6."""
+    rng = np.random.default_rng(8)
+    return [
+        replace(
+            scan,
+            attribute_names=("snr", "power"),
+            attribute_values=4.7 + rng.exponential(6.0, (2, len(scan.range_m))),
+        )
+        for scan in arrivals()
+    ]
 
 
 @lru_cache
@@ -228,6 +244,8 @@ CASES: dict[str, dict[str, Case]] = {
         "process_noise_std_mps2": Case(5.0),
         "max_speed_mps": Case(200.0, later=True),
         "detection_probability": Case(0.5, JPDA, crowd),
+        "blind_speed_mps": Case(10.0),
+        "blind_longest_s": Case(1.0, {"blind_speed_mps": 50.0}, later=True),
         "gate_probability": Case(0.5, JPDA, crowd),
         "clutter_density_per_m_rad": Case(1e-4, JPDA, crowd),
         "clutter_density": Case("estimated", JPDA, crowd, later=True),
@@ -239,9 +257,20 @@ CASES: dict[str, dict[str, Case]] = {
         "confirmation_scans": Case(12, {"tentative_deletion_misses": 5}, arrivals, later=True),
         "deletion_misses": Case(1, later=True),
         "mht_scans": Case(3, MHT, shows=DELAYED),
+        "resolution_range_m": Case(900.0, UNRESOLVED, crowd),
+        "resolution_azimuth_rad": Case(0.4, UNRESOLVED, crowd),
+        "unresolved_detection_probability": Case(0.3, UNRESOLVED, crowd),
         "history_policy": Case("forgetting", {"forgetting_factor": 0.5}),
         "forgetting_factor": Case(0.3, {"history_policy": "forgetting", "forgetting_factor": 0.9}),
         "history_window": Case(2, {"history_policy": "window", "history_window": 8}, later=True),
+        "signal_strength": Case("swerling_1", fed=with_strengths),
+        "signal_strength_attribute": Case("power", STRENGTH, with_strengths),
+        "signal_strength_unit": Case("decibel", STRENGTH, with_strengths),
+        "signal_strength_memory_s": Case(5.0, STRENGTH, with_strengths),
+        "false_alarm_probability": Case(0.02, STRENGTH, with_strengths),
+        "clutter_signal_strength": Case(3.0, STRENGTH, with_strengths, shows=ASSOCIATIONS),
+        "initial_signal_strength": Case(50.0, STRENGTH, with_strengths, later=True),
+        "initial_signal_strength_shape": Case(20.0, STRENGTH, with_strengths, later=True),
         "initiation_outside_gates": Case(True, fed=doubles, later=True),
         "initiation_memory_scans": Case(6, fed=arrivals, later=True),
         "tentative_deletion_misses": Case(1, fed=arrivals, later=True),

@@ -163,6 +163,7 @@ def scan_of(assigned, pairs, track_id=(1, 2, 3)):
         kinematic_log_likelihood=np.log([p[2] for p in pairs]),
         assigned_detection=np.array(assigned, dtype=np.int32),
         degraded=False,
+        group_chosen=np.zeros(0, dtype=bool),
     )
     return predictions, associations
 

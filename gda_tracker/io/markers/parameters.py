@@ -151,6 +151,14 @@ class MarkerParameters:
         minimum=0.0,
         maximum=3600.0,
     )
+    curve_farthest_m: float = parameter(
+        20_000.0,
+        "how far bearings and the hyperbolas of time differences are drawn",
+        unit="m",
+        minimum=0.0,
+        minimum_excluded=True,
+        maximum=1e7,
+    )
     trail_scans: int = parameter(
         50, "scans that the trail of a track reaches back", minimum=2, maximum=2000
     )

@@ -13,6 +13,7 @@ import numpy as np
 
 from gda_tracker.io.markers.parameters import Colour, MarkerParameters
 from gda_tracker.kinematics.extended.ellipses import semi_axes
+from gda_tracker.kinematics.measurement_curves import measurement_curves
 from gda_tracker.kinematics.measurement_models import locates
 from gda_tracker.kinematics.rigid_transforms import rotation_matrix
 from gda_tracker.kinematics.sensor_models import cartesian_positions, polar_measurements
@@ -153,7 +154,12 @@ def detection_positions(scan: Scan) -> FloatArray:
 
 
 def detections(scan: Scan, number: int, p: MarkerParameters) -> list[Shape]:
-    """Return the detections of a scan as one shape, none if there are none."""
+    """Return the detections of a scan as one shape, none if there are none.
+
+    Those that are no places are lines: rays, circles, ellipses, branches of hyperbolas.
+    """
+    if not locates(scan):
+        return _curves(scan, number, p)
     position = detection_positions(scan)
     position = position[np.isfinite(position).all(axis=1)]
     if not len(position):
@@ -162,6 +168,18 @@ def detections(scan: Scan, number: int, p: MarkerParameters) -> list[Shape]:
     kind, name = SPHERE_LIST, scan.key.sensor_id
     colour = p.colour("detection_colour")
     return [Shape(name, number, kind, colour, (size, size, size), points=position)]
+
+
+def _curves(scan: Scan, number: int, p: MarkerParameters) -> list[Shape]:
+    points = measurement_curves(scan, p.curve_farthest_m)
+    points = points[np.isfinite(points).all(axis=(1, 2))]
+    if not len(points):
+        return []
+    # A list of lines: each from one point to the next.
+    lines = np.stack([points[:, :-1], points[:, 1:]], axis=2).reshape(-1, 2)
+    width, name = p.scale * p.line_width_m, scan.key.sensor_id
+    colour = p.colour("detection_colour")
+    return [Shape(name, number, LINE_LIST, colour, (width, 0.0, 0.0), points=lines)]
 
 
 def sensor(scan: Scan, p: MarkerParameters) -> list[Shape]:

@@ -115,6 +115,13 @@ EXPLANATIONS: dict[str, Explanation] = {
         "gda-tracker params set rcs_unit=dbsm, or convert in the driver: 10^(dBsm / 10)",
     ),
     "attribute_not_finite": _of(NOTE, "further attributes that are NaN or inf: count as unknown"),
+    "signal_strength_out_of_range": _of(
+        WARNING,
+        "signal strengths below the threshold or beyond any receiver: taken as the nearest that is "
+        "possible; another unit, or another false alarm probability than the detector's?",
+        "gda-tracker params set signal_strength_unit=decibel, or false_alarm_probability to that "
+        "of the detector",
+    ),
     "max_tracks_reached": _of(
         WARNING,
         "tracks that found no room: too much clutter starts tracks, or max_tracks is too small",
@@ -405,6 +412,19 @@ EXPLANATIONS: dict[str, Explanation] = {
     "event_track_bad_covariance": _of(
         WARNING, "tracks not tested for events: covariance not positive definite", _VERSIONS
     ),
+    "formation_track_not_finite": _of(
+        WARNING, "tracks in no formation: state or covariance is no number", _VERSIONS
+    ),
+    "formation_track_bad_covariance": _of(
+        WARNING, "tracks in no formation: covariance not positive definite", _VERSIONS
+    ),
+    "formation_scan_repeated": _of(
+        "", "answers that came again: their detections are not counted twice"
+    ),
+    "formation_scans_without_count": _of(
+        "", "scans with tracks alone: formations were kept, their objects not counted"
+    ),
+    "formations_began_anew": _of("", "times that all formations began anew with the tracker"),
     "began_anew": _of("", "times that all tests of track_events began anew with the tracker"),
     "passed_over_a_lane": _of("", "tracks that crossed a lane without having kept to it"),
     "malformed_truth": _of(ERROR, "truth that the evaluator cannot read", _VERSIONS),
@@ -460,6 +480,8 @@ def explanation(counter: str) -> Explanation | None:
             f"values of {name} that count as unknown",
             "compare rcs_min_m2 and rcs_max_m2, or attribute_minimum and attribute_maximum",
         )
+    if counter.startswith("formation event "):
+        return Explanation("", f"formations that {counter.removeprefix('formation event ')}")
     if counter.startswith("event "):
         return Explanation("", f"events of kind {counter.removeprefix('event ')}")
     return Explanation("", "messages in the bag") if counter.startswith(RECORDED) else None

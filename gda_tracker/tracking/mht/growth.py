@@ -11,19 +11,30 @@ from gda_tracker.association.leaf_pruning import n_scan_decision
 from gda_tracker.association.log_ratios import log_ratios
 from gda_tracker.association.statements import statement_factors
 from gda_tracker.tracking.answers import Inconsistent
+from gda_tracker.tracking.blind_zone import apply_zone
 from gda_tracker.tracking.existence import log_room
 from gda_tracker.tracking.extended.updates import update_extents
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
+from gda_tracker.tracking.group_update import put_states, updated_by_groups
 from gda_tracker.tracking.history_window import remember
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.life import judge
 from gda_tracker.tracking.manager_state import OpenScan
 from gda_tracker.tracking.mht.branches import Branches, branch
-from gda_tracker.tracking.mht.decision import global_hypothesis
+from gda_tracker.tracking.mht.compounds import coupled_global_hypothesis
+from gda_tracker.tracking.mht.couplings import (
+    CoupledTracks,
+    Couplings,
+    held_rows,
+    of_leaves,
+    settle_couplings,
+)
 from gda_tracker.tracking.mht.generations import Generation, ancestors, rows_of
 from gda_tracker.tracking.mht.pruning import Nearness, leaves_in_all, merge
+from gda_tracker.tracking.mht.shared_branches import SharedBranches, nothing_shared, share
 from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.signal_strength import update_strengths
 from gda_tracker.tracking.state_update import count_detections, set_beliefs, update_states
 from gda_tracker.tracking.statement_update import (
     heard_rows,
@@ -41,15 +52,17 @@ class Growth:
     """The trees after a scan.
 
     ``table`` has the leaves that live, still without ids of their own; ``parent_id`` is set.
-    ``ended_track_id`` are the tracks that ended, ``ended_parent_id`` the parents of their last
-    leaves, but for tracks whose detections have gone to others. ``assigned`` (H,) is the detection
-    that the chosen leaves have given to the rows of the scan's predictions, -1 for none.
+    A row's ``hypothesis_id`` is its place in ``couplings``. ``ended_track_id`` are the tracks that
+    ended, ``ended_parent_id`` the parents of their last leaves, but for tracks whose detections
+    have gone to others. ``assigned`` (H,) is the detection that the chosen leaves have given to the
+    rows of the scan's predictions, -1 for none.
     """
 
     table: HypothesisTable
     ended_track_id: IntArray
     ended_parent_id: IntArray
     assigned: Int32Array
+    couplings: Couplings
 
 
 def grow(
@@ -60,6 +73,7 @@ def grow(
     associations: Associations,
     first_number: int,
     parameters: TrackManagerParameters,
+    couplings: Couplings,
 ) -> Growth:
     """Grow the trees by the scan that is open.
 
@@ -75,6 +89,8 @@ def grow(
         Running number of the scan's first detection.
     parameters
         Those of the scan.
+    couplings
+        Of the leaves.
 
     Raises
     ------
@@ -90,6 +106,7 @@ def grow(
         opened.predictions.detection_probability,
         opened.predictions.settings.clutter_density,
     )
+    idle = np.zeros(len(miss_score))
     if opened.scan.statements:
         said = statement_factors(
             opened.scan,
@@ -99,7 +116,8 @@ def grow(
             associations.detection,
         )
         if said is not None:
-            pair_score, miss_score = pair_score + said.log_pair, miss_score + said.log_idle
+            idle = said.log_idle
+            pair_score, miss_score = pair_score + said.log_pair, miss_score + idle
     wrong = ~(pair_score < np.inf)  # True for NaN
     if wrong.any():
         raise Inconsistent(
@@ -114,13 +132,40 @@ def grow(
         miss_score,
         first_number,
     )
-    branches, chosen, room = decide(branches, opened.table, generations, parameters)
+    track = ranks(opened.table.track_id)
+    shared = None
+    if len(associations.group_first):
+        shared = share(
+            branches,
+            opened.table,
+            opened.predictions,
+            associations,
+            couplings,
+            track,
+            first_number,
+            idle,
+        )
+    elif len(couplings):
+        shared = nothing_shared(branches, opened.table, couplings, track)
+    decided = decide(branches, opened.table, generations, parameters, shared)
+    branches, chosen, room = decided.branches, decided.chosen, decided.log_room
     table = opened.table.select(branches.parent)
     table.chosen, table.log_score, table.log_room = chosen, branches.log_score, room
     table.detection_numbers = branches.detection_numbers[:, : parameters.mht_scans].copy()
     table.parent_id = opened.table.hypothesis_id[branches.parent]
+    table.hypothesis_id = np.arange(len(table), dtype=np.int64)
     used = branches.detection.astype(np.int32)
-    update_states(table, opened.scan, used, parameters.use_range_rate)
+    partner, event = decided.partner, decided.event
+    alone = np.where(partner >= 0, -1, branches.detection).astype(np.int32)
+    update_states(table, opened.scan, alone, parameters.use_range_rate)
+    sharing = np.flatnonzero((partner >= 0) & (used >= 0))
+    if len(sharing):
+        members = updated_by_groups(
+            opened.table, opened.scan, branches.parent[sharing], partner[sharing], used[sharing]
+        )
+        put_states(table, sharing, members)
+    apply_zone(table, opened, branches.parent, used >= 0, parameters)
+    update_strengths(table, opened.scan, used, parameters.signal_threshold)
     if evidence is not None:
         table.use_frame(evidence.frame, evidence.class_names)
     if scores is not None:
@@ -128,7 +173,7 @@ def grow(
         set_beliefs(table, scores, rows, branches.pair[rows])
         if evidence is not None:
             remember(table, evidence, rows.astype(np.int32), used[rows])
-        update_heard_beliefs(table, scores, *heard_rows(scores, branches.parent, used < 0))
+        update_heard_beliefs(table, scores, *heard_rows(scores, branches.parent, alone < 0))
     if opened.scan.statements:
         predicted = opened.table.select(branches.parent)
         update_heard_states(table, predicted, opened.scan.statements, scores is not None)
@@ -140,28 +185,60 @@ def grow(
     p = parameters
     if p.mht_merge_scans:
         nearness = Nearness(p.mht_merge_scans, p.mht_merge_distance**2, p.mht_merge_belief)
-        table = merge(table, nearness)
+        table = merge(table, nearness, held_rows(decided.couplings, len(table)))
     assigned = np.full(len(opened.table), -1, dtype=np.int32)
     assigned[branches.parent[chosen]] = used[chosen]
-    return _live_and_end(
-        opened, table, scores, replace(associations, assigned_detection=assigned), p
-    )
+    answer = replace(associations, assigned_detection=assigned)
+    if (event >= 0).any():
+        answer.group_chosen = np.zeros(len(associations.group_first), dtype=np.bool_)
+        answer.group_chosen[event[chosen & (event >= 0)]] = True
+    return _live_and_end(opened, table, scores, answer, p, decided.couplings)
 
 
 def coast(
-    opened: OpenScan, generations: Sequence[Generation], parameters: TrackManagerParameters
-) -> HypothesisTable:
-    """Return the leaves after a scan of which nothing is known: predicted, nothing counted."""
+    opened: OpenScan,
+    generations: Sequence[Generation],
+    parameters: TrackManagerParameters,
+    couplings: Couplings,
+) -> tuple[HypothesisTable, Couplings]:
+    """Return the leaves after a scan of which nothing is known: predicted, nothing counted.
+
+    Ids and couplings are those of :class:`Growth`.
+    """
     table = opened.table.copy()
     none = np.zeros(0, dtype=np.int32)
     branches = branch(table, none, none, np.zeros(0), np.zeros(len(table)), 0)
-    branches, chosen, room = decide(branches, table, generations, parameters)
+    shared = None
+    if len(couplings):
+        shared = nothing_shared(branches, table, couplings, ranks(table.track_id))
+    decided = decide(branches, table, generations, parameters, shared)
+    branches = decided.branches
     table = table.select(branches.parent)
-    table.chosen, table.log_score, table.log_room = chosen, branches.log_score, room
+    table.chosen, table.log_score = decided.chosen, branches.log_score
+    table.log_room = decided.log_room
     table.parent_id = table.hypothesis_id
+    table.hypothesis_id = np.arange(len(table), dtype=np.int64)
     table.detection_numbers = branches.detection_numbers[:, : parameters.mht_scans].copy()
     table.detection_index = np.full(len(table), -1, dtype=np.int64)
-    return table
+    return table, decided.couplings
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """The branches that stay.
+
+    ``chosen`` (B,) are in the best global hypothesis; ``log_room`` (B,) is how much room the other
+    tracks leave the branch's one (:func:`~gda_tracker.tracking.existence.log_room`); ``partner``,
+    ``event`` (B,) as in :class:`~gda_tracker.tracking.mht.shared_branches.SharedBranches`, and the
+    couplings of the branches by their places.
+    """
+
+    branches: Branches
+    chosen: BoolArray
+    log_room: FloatArray
+    partner: IntArray
+    event: IntArray
+    couplings: Couplings
 
 
 def decide(
@@ -169,25 +246,25 @@ def decide(
     table: HypothesisTable,
     generations: Sequence[Generation],
     parameters: TrackManagerParameters,
-) -> tuple[Branches, BoolArray, FloatArray]:
-    """Find the best global hypothesis of the branches and prune what is not worth keeping.
-
-    Returns
-    -------
-    branches, chosen, log_room
-        The branches that stay, which of them are in the best global hypothesis, and how much room
-        the other tracks leave the branch's one (:func:`~gda_tracker.tracking.existence.log_room`).
-    """
+    shared: SharedBranches | None = None,
+) -> Decided:
+    """Find the best global hypothesis of the branches and prune what is not worth keeping."""
+    none = np.full(len(branches), -1, dtype=np.int64)
+    partner, event, coupled = none, none, list[CoupledTracks]()
+    if shared is not None:
+        branches, coupled = shared.branches, shared.coupled
+        partner, event = shared.partner, shared.event
     if not len(branches):
-        return branches, np.zeros(0, dtype=np.bool_), np.zeros(0)
+        nobody = np.zeros(0, dtype=np.bool_)
+        return Decided(branches, nobody, np.zeros(0), partner, event, Couplings())
     p = parameters
     track = ranks(branches.track_id)
     mandatory = np.zeros(track[-1] + 1, dtype=np.bool_)
     mandatory[track] = table.status[branches.parent] == CONFIRMED
     score = branches.log_score + _ground(branches.log_score, track, mandatory)
     optional = np.flatnonzero(~mandatory)
-    chosen, probability, absent = global_hypothesis(
-        score, track, branches.detection_numbers, optional
+    chosen, probability, absent = coupled_global_hypothesis(
+        score, track, branches.detection_numbers, optional, coupled
     )
     room = np.zeros(len(mandatory))
     room[optional] = log_room(score, track, optional, absent)
@@ -205,7 +282,14 @@ def decide(
         min_probability=p.mht_leaf_probability,
         max_leaves=leaves_in_all(p.mht_leaves_per_track, p.mht_max_leaves, len(mandatory)),
     )
-    return branches.select(keep), chosen[keep], room[track[keep]]
+    return Decided(
+        branches.select(keep),
+        chosen[keep],
+        room[track[keep]],
+        partner[keep],
+        event[keep],
+        of_leaves(coupled, track, keep, branches.detection_numbers[:, : p.mht_scans]),
+    )
 
 
 def ranks(track_id: IntArray) -> IntArray:
@@ -234,6 +318,7 @@ def _live_and_end(
     scores: AttributeScores | None,
     decided: Associations,
     p: TrackManagerParameters,
+    couplings: Couplings,
 ) -> Growth:
     """Confirm and end tracks by what their chosen leaves have seen; all leaves share the status."""
     before = opened.table
@@ -245,14 +330,23 @@ def _live_and_end(
     def increments() -> FloatArray:
         return scan_increments(opened.predictions, scores, decided, density)[parents]
 
-    gone = judge(leading, increments, p)
+    gone = judge(leading, increments, p, opened.scan.key.stamp_ns)
     table.status = leading.status[track]
     table.log_likelihood_ratio = leading.log_likelihood_ratio[track]
     if gone.any():
         # What ends keeps its detections: no other track may turn out to have had them.
         kept = leading.detection_numbers[gone]
-        taken = np.isin(table.detection_numbers, kept[kept >= 0]).any(axis=1)
+        used_up = np.isin(table.detection_numbers, kept[kept >= 0])
+        taken: BoolArray = np.logical_or.reduce(used_up, axis=1)
+        if len(couplings):
+            taken = settle_couplings(table, couplings, gone[track], taken)
         table = table.select(~gone[track] & (table.chosen | ~taken))
     # The global hypothesis has no room for some: they end too, and leave no past.
     left = before.chosen & ~np.isin(before.track_id, table.track_id)
-    return Growth(table, before.track_id[left], leading.parent_id[gone], decided.assigned_detection)
+    return Growth(
+        table,
+        before.track_id[left],
+        leading.parent_id[gone],
+        decided.assigned_detection,
+        couplings,
+    )

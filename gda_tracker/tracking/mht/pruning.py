@@ -35,11 +35,14 @@ def leaves_in_all(per_track: int, most: int, n_tracks: int) -> int:
     return max(1, min(per_track, most // max(n_tracks, 1)))
 
 
-def merge(table: HypothesisTable, nearness: Nearness) -> HypothesisTable:
+def merge(
+    table: HypothesisTable, nearness: Nearness, held: BoolArray | None = None
+) -> HypothesisTable:
     """Merge leaves that are nearly the same: the best one stays, with the sum of their weights.
 
     A leaf is compared with the best of those of its track that have used the same recent
-    detections: the chosen one, else that of the highest score, else the first.
+    detections: the chosen one, else that of the highest score, else the first. Leaves that are
+    ``held`` (H,) are left alone.
     """
     count = len(table)
     if count < 2:
@@ -56,6 +59,8 @@ def merge(table: HypothesisTable, nearness: Nearness) -> HypothesisTable:
     best = np.empty(count, dtype=np.int64)
     best[order] = order[first][np.cumsum(new) - 1]
     rows = np.flatnonzero(best != np.arange(count))
+    if held is not None:
+        rows = rows[~(held[rows] | held[best[rows]])]
     rows = rows[_near(table, rows, best[rows], nearness)]
     if not len(rows):
         return table

@@ -108,6 +108,18 @@ class ExtendedParameters:
             )
         if self.extended_objects == NONE:
             return
+        for name, off in (
+            ("signal_strength", NONE),
+            ("resolution_range_m", 0.0),
+            ("blind_speed_mps", 0.0),
+            ("sensor_blind_speeds_mps", []),
+        ):
+            # Of single detections of point targets, and declared in other groups.
+            if getattr(self, name, off) != off:
+                raise ParameterError(
+                    f"parameter {name} = {getattr(self, name)!r}: allowed with extended_objects = "
+                    f"{self.extended_objects!r} is {off!r} only"
+                )
         if max_detections_per_scan > MOST_DETECTIONS:
             raise ParameterError(
                 f"parameter max_detections_per_scan = {max_detections_per_scan}: allowed with "

@@ -41,8 +41,8 @@ class MotionParameters:
         [],
         "motion models of imm and gpb2: constant_velocity (acceleration constant within a scan), "
         "white_noise_acceleration (continuous), constant_acceleration (white jerk), van_keuk and "
-        "singer (correlated acceleration), coordinated_turn; one model: its plain filter; empty: "
-        "constant_velocity for each of imm_process_noise_factors",
+        "singer (correlated acceleration), coordinated_turn, standstill (has lost its speed); one "
+        "model: its plain filter; empty: constant_velocity for each of imm_process_noise_factors",
         choices=MODELS,
         advanced=True,
     )
@@ -50,7 +50,7 @@ class MotionParameters:
         [0.2, 1.3],
         "process noise of each model of imm and gpb2, as a multiple of process_noise_std_mps2: of "
         "its acceleration; of constant_acceleration and white_noise_acceleration: of the change of "
-        "acceleration [m/s2], of velocity [m/s] within a second",
+        "acceleration [m/s2], of velocity [m/s] within a second; of standstill: a speed [m/s]",
         minimum=0.0,
         minimum_excluded=True,
         advanced=True,

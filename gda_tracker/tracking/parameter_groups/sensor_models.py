@@ -21,6 +21,7 @@ OWN_VALUES = {
     "sensor_range_stds_m": "range_std_m",
     "sensor_azimuth_stds_rad": "azimuth_std_rad",
     "sensor_range_rate_stds_mps": "range_rate_std_mps",
+    "sensor_blind_speeds_mps": "blind_speed_mps",
 }
 
 
@@ -58,6 +59,15 @@ class SensorModelParameters:
         "for each of sensor_ids its detection_probability; empty: that of all",
         minimum=0.0,
         maximum=1.0,
+        live=False,
+        advanced=True,
+    )
+    sensor_blind_speeds_mps: list[float] = parameter(
+        [],
+        "for each of sensor_ids its blind_speed_mps, without effect on those that measure bearings "
+        "alone, bistatic ranges or differences; empty: that of all",
+        unit="m/s",
+        minimum=0.0,
         live=False,
         advanced=True,
     )

@@ -2,7 +2,7 @@
 
 import { colours, trackColour, withAlpha } from "./colours.js";
 import { CHI_SQUARE_95, ellipse, gateOf, length, polarToPlan, roundStep } from "./geometry.js";
-import { dots, drawGates, drawTracks, faded, outline, rings } from "./signs.js";
+import { dots, drawGates, drawTracks, faded, outline, outlines, rings } from "./signs.js";
 import { Scope } from "./scope.js";
 
 const SPOKES = 12;
@@ -44,6 +44,9 @@ export class Plan {
     if (layers.gates && gates) {
       drawGates(scope, gates.id, selected, (i) => gateOf(gates, i).map(([r, a]) => polarToPlan(sensor, r, a)));
     }
+    // By segments, for a path of which no corner is in view is not drawn.
+    const segments = detections.curves.flatMap((curve) => curve.slice(1).map((point, i) => [curve[i], point]));
+    outlines(scope, segments, withAlpha(colours().detection, 0.7), { width: 1 });
     dots(scope, detections.x.map((x, i) => [x, detections.y[i]]), colours().detection, 2.6);
     const taken = new Set(tracks.detection);
     rings(scope, detections.row.flatMap((row, i) => (taken.has(row) ? [[detections.x[i], detections.y[i]]] : [])));

@@ -1,0 +1,110 @@
+"""One detection of two targets that the sensor did not resolve, in range and azimuth.
+
+The detection of a group lies at the mean of what the sensor would measure of each: z = (h(x1) +
+h(x2)) / 2 with its own noise (Koch 2014, section 2.3.3). The members were predicted on their own:
+what is shared by their errors is not known to a track and counts as zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gda_tracker.kinematics.sensor_models import Innovations, PolarMeasurements, innovations
+from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
+
+LOG_TWO_PI = math.log(2.0 * math.pi)
+
+
+@dataclass(frozen=True, slots=True)
+class GroupInnovations:
+    """Innovations of E groups of two.
+
+    ``mean`` (E, 2) [m, rad] from the group's predicted detection, ``difference`` (E, 2) h(x1) -
+    h(x2); ``first``, ``second`` (E, 2, 2) H P H' of the members, ``noise`` (E, 2, 2).
+    """
+
+    mean: FloatArray
+    difference: FloatArray
+    first: FloatArray
+    second: FloatArray
+    noise: FloatArray
+
+    def given_unresolved(self, resolution: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Squared distance and log density (E,) of the detections, given that P_u spoke.
+
+        P_u(d) = exp(-d' R_u^-1 d / 2) is a measurement "d = 0" with covariance R_u. Where one
+        member is known better than the other, d and the mean are correlated: it moves the mean.
+        """
+        between = 0.5 * (self.first - self.second)
+        spread = self.first + self.second + resolution
+        gain = np.swapaxes(np.linalg.solve(spread, np.swapaxes(between, -1, -2)), -1, -2)
+        residual = self.mean + (gain @ self.difference[:, :, None])[:, :, 0]
+        total = 0.25 * (self.first + self.second) + self.noise
+        total = total - gain @ np.swapaxes(between, -1, -2)
+        return _squared_and_density(residual, total)
+
+
+def _squared_and_density(
+    residual: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    solved = np.linalg.solve(covariance, residual[:, :, None])[:, :, 0]
+    squared = np.sum(residual * solved, axis=1)
+    return squared, -0.5 * (squared + np.linalg.slogdet(covariance)[1]) - LOG_TWO_PI
+
+
+def group_innovations(
+    measurements: PolarMeasurements,
+    mean: FloatArray,
+    covariance: FloatArray,
+    first: IntArray,
+    second: IntArray,
+    detection: Int32Array | IntArray,
+) -> GroupInnovations:
+    """Innovations of groups of states ``first`` and ``second`` (E,) with detections (E,)."""
+    columns = detection.astype(np.int32)
+    one, two = (
+        innovations(measurements, mean[rows], covariance[rows], columns) for rows in (first, second)
+    )
+    noise = measurements.covariance[columns]
+    return GroupInnovations(
+        0.5 * (one.residual + two.residual),
+        two.residual - one.residual,
+        one.covariance - noise,
+        two.covariance - noise,
+        noise,
+    )
+
+
+def updated_members(
+    measurements: PolarMeasurements,
+    mean: FloatArray,
+    covariance: FloatArray,
+    partner_mean: FloatArray,
+    partner_covariance: FloatArray,
+    detection: Int32Array | IntArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Update E states by the detections of groups with E partners.
+
+    W = P1 H1' / 2 S_g^-1 with S_g = (H1 P1 H1' + H2 P2 H2') / 4 + R: the detection tells half of
+    each member's place.
+
+    Returns
+    -------
+    mean, covariance, log_likelihood
+        (E, s), (E, s, s), (E,) log N(z; (h(x1) + h(x2)) / 2, S_g).
+    """
+    columns = detection.astype(np.int32)
+    noise = measurements.covariance[columns]
+    one: Innovations = innovations(measurements, mean, covariance, columns)
+    two = innovations(measurements, partner_mean, partner_covariance, columns)
+    residual = 0.5 * (one.residual + two.residual)
+    total = 0.25 * (one.covariance + two.covariance - 2.0 * noise) + noise
+    _, log_likelihood = _squared_and_density(residual, total)
+    half = 0.5 * one.jacobian(mean.shape[1])
+    gain = np.swapaxes(np.linalg.solve(total, half @ covariance), -1, -2)
+    moved = mean + (gain @ residual[:, :, None])[:, :, 0]
+    reduced = covariance - gain @ total @ np.swapaxes(gain, -1, -2)
+    return moved, 0.5 * (reduced + np.swapaxes(reduced, -1, -2)), log_likelihood
