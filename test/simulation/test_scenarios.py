@@ -34,6 +34,9 @@ def test_shipped_scenarios_load_by_name_and_path():
         "stop_and_go",
         "stop_and_go_unaware",
         "two_sensors",
+        "unresolved_pair",
+        "unresolved_pair_untold",
+        "unresolved_three",
         "weak_targets",
         "weak_targets_by_rcs",
     ]
