@@ -368,10 +368,10 @@ def scenario_from_mapping(content: Any, where: str = "scenario") -> Scenario:
         "blind_speed_mps",
         "range_rate_std_mps",
     )
-    for name in others:
-        if given.get(name):
+    for other in others:
+        if given.get(other):
             raise ScenarioError(
-                f"{where}: sensor: {name} = {given[name]}: allowed is none with the section "
+                f"{where}: sensor: {other} = {given[other]}: allowed is none with the section "
                 "extended"
             )
     return Scenario(
