@@ -66,7 +66,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gda_tracker.association.assignment import best_hypothesis
+from gda_tracker.association.best_hypothesis import best_hypothesis
 from gda_tracker.association.errors import AssociationInputError, NoFeasibleHypothesis
 from gda_tracker.association.joint import joint_log_partition
 from gda_tracker.attributes.bayes import log_class_mixture

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from gda_tracker.association.assignment import LOG_VANISHING, best_hypothesis
+from gda_tracker.association.assignment import LOG_VANISHING
+from gda_tracker.association.best_hypothesis import best_hypothesis
 from gda_tracker.association.group_events import GroupEvents
 from gda_tracker.association.joint import joint_marginals_batch
 from gda_tracker.association.weightings import JointWeights

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gda_tracker.association.assignment import best_hypothesis
+from gda_tracker.association.best_hypothesis import best_hypothesis
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 
 LOG_SMALLEST = -650.0

@@ -228,7 +228,8 @@ def load_playback(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
     """
     name = args.recording
     from gda_tracker.io.adapters import InputOptions, is_recording, load_recording
-    from gda_tracker.io.parameter_files import read_preset
+    from gda_tracker.io.extended_input import fault_of_clusters
+    from gda_tracker.io.parameter_files import read_preset, shipped_presets
 
     scenario_file = Path(name).suffix in (".yaml", ".yml") and args.adapter == "auto"
     if name in shipped_scenarios() or (scenario_file and not is_recording(name)):
@@ -260,6 +261,10 @@ def load_playback(args: argparse.Namespace) -> tuple[Playback, str, Parameters]:
     sources = [f"preset {preset_name}"] if on_top or args.params is None else []
     sources += [str(args.params)] if args.params else []
     parameters = gather_parameters(args.params, args.method, preset, on_top)
+    own = read_preset(preset_name) if preset_name in shipped_presets() else {}
+    radar = {**own.get("radar_input", {}), **(radar_input_of_file(args.params) or {})}
+    if fault := fault_of_clusters(radar, parameters.get("track_manager", {})):
+        raise UserError(fault)
     return of_recording(recording), " and ".join(sources), parameters
 
 

@@ -16,6 +16,7 @@ from gda_tracker.evaluation.consistency import (
     score_nis,
 )
 from gda_tracker.evaluation.continuity import Continuity, score_continuity
+from gda_tracker.evaluation.extent_errors import extent_error_m
 from gda_tracker.evaluation.matching import match_run
 from gda_tracker.evaluation.set_distances import SetDistances, score_set_distances
 from gda_tracker.kinematics.gating import MEASUREMENT_DIMENSION
@@ -32,6 +33,8 @@ class Quality:
 
     ``delayed_rmse_m`` and ``smoothed_rmse_m`` are the position errors of the tracks as they are
     told N scans later, NaN where they are not, and in the light of the whole run.
+    ``extent_error_m`` is the mean Gaussian Wasserstein distance of matched tracks and extended
+    targets, centre and ellipse in one; NaN without.
     """
 
     continuity: Continuity
@@ -40,6 +43,7 @@ class Quality:
     nis: NormalisedErrors
     delayed_rmse_m: float = math.nan
     smoothed_rmse_m: float = math.nan
+    extent_error_m: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -99,10 +103,11 @@ def score_quality(
         tracks.append(result.tracks)
         predictions.append(result.predictions)
         associations.append(result.associations)
+    matches = match_run(tracks, truth, match_distance_m)
     return Quality(
         score_continuity(tracks, truth, match_distance_m=match_distance_m),
         score_set_distances(tracks, truth, match_distance_m),
-        score_nees(tracks, truth, match_run(tracks, truth, match_distance_m)),
+        score_nees(tracks, truth, matches),
         score_nis(
             tracks,
             predictions,
@@ -110,7 +115,9 @@ def score_quality(
             [result.assigned for result in results],
             [_measured_quantities(result.scan) for result in results],
         ),
-        *(_position_error(told, truth, match_distance_m) for told in (delayed, smoothed)),
+        _position_error(delayed, truth, match_distance_m),
+        _position_error(smoothed, truth, match_distance_m),
+        extent_error_m(tracks, truth, matches),
     )
 
 

@@ -49,6 +49,9 @@ def combine_quality(runs: Sequence[Quality]) -> QualityResult:
         "targets_not_extracted": np.array([run.targets_not_extracted for run in continuity]),
         "false_tracks_per_hour": np.array([run.false_tracks_per_hour for run in continuity]),
     }
+    extents = np.array([run.extent_error_m for run in runs])
+    if np.isfinite(extents).any():
+        values["extent_error_m"] = extents[np.isfinite(extents)]
     # Not every run has them: means are over all targets, and over all false tracks.
     values["extraction_delay_s"] = np.concatenate([run.extraction_delay_s for run in continuity])
     values["extraction_delay_scans"] = np.concatenate(

@@ -74,10 +74,10 @@ def method_parameters(
             f"method {CLAIRVOYANT} with initiation {initiation}: allowed is labelled, since only "
             f"then it is known which track follows which target"
         )
-    if scenario.sensors and initiation != AUTOMATIC:
+    if scenario.only_automatic and initiation != AUTOMATIC:
         raise ParameterError(
-            f"scenario {scenario.name} with initiation {initiation}: allowed is automatic, for its "
-            f"sensors need not know where a detection is"
+            f"scenario {scenario.name} with initiation {initiation}: allowed is automatic, for "
+            f"its sensors need not know where a detection is, or its targets have several"
         )
     preset = tracker_preset(scenario, initiation)
     parameters = {**preset, "track_manager": {**preset["track_manager"], **choice}}
@@ -89,10 +89,12 @@ def default_match_distance_m(scenario: Scenario) -> float:
     """Match distance for continuity: three standard deviations of a position measured midway.
 
     The larger of the range noise and the azimuth noise at the mean distance of all targets counts.
-    A scenario with several sensors says what it is.
+    A scenario with several sensors, or with extended targets, says what it is.
     """
     if scenario.reach is not None:
         return scenario.reach.match_distance_m
+    if scenario.extended is not None:
+        return scenario.extended.match_distance_m
     positions = true_states(scenario)[..., :2] - np.array(scenario.sensor.position_m)
     cross_range_m = math.radians(scenario.sensor.azimuth_std_deg) * float(
         np.hypot(positions[..., 0], positions[..., 1]).mean()

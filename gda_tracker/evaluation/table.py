@@ -108,6 +108,7 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
         ["method", "online", "delayed", "smoothed"],
         ["", *["[m RMS]" for _ in range(3)]],
     ]
+    extents = [["method", "Gaussian Wasserstein distance"], ["", "[m]"]]
     consistency = [
         ["method", "NEES", "consistent", "in bounds", "NIS", "consistent", "in bounds"],
         ["", "[1]", "[1]", "[%]", "[1]", "[1]", "[%]"],
@@ -142,6 +143,8 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
         )
         names = ("position_rmse_m", "position_delayed_rmse_m", "position_smoothed_rmse_m")
         later.append([method.method, *[value(name, 1) for name in names]])
+        if "extent_error_m" in found:
+            extents.append([method.method, value("extent_error_m", 1)])
         row = [method.method]
         for name in ("nees", "nis"):
             row += [
@@ -150,19 +153,20 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
                 _number(100.0 * found[f"{name}_inside"], 0),
             ]
         consistency.append(row)
-    return [
+    tables = [
         ("Continuity", continuity),
         ("Distance of confirmed tracks and targets", distances),
         ("Extraction and false tracks", life),
         ("Position error by what is known", later),
         ("Consistency", consistency),
     ]
+    return [*tables, ("Ellipses of extended objects", extents)] if len(extents) > 2 else tables
 
 
 def quality_notes(result: ScenarioResult) -> list[str]:
     """What the numbers of :func:`quality_tables` mean, a sentence or two for each table."""
     distance = f"{result.match_distance_m:.0f} m"
-    return [
+    notes = [
         f"a target is tracked if a confirmed track is within {distance} of it; a switch is a "
         f"change of track that lasts {SETTLE_SCANS} scans",
         f"GOSPA and OSPA with cut-off {distance} and squares; GOSPA^2 = localisation^2 + missed^2 "
@@ -174,7 +178,11 @@ def quality_notes(result: ScenarioResult) -> list[str]:
         "NEES, NIS: squared error of state and innovation over their covariance, mean of all "
         "scans; consistent: 95 % bounds of the mean at one scan; in bounds: share of scans, 95 if "
         "all is well",
+        "Gaussian Wasserstein distance to the true ellipses: centre, size and direction in one",
     ]
+    qualities = [method.quality for method in result.methods if method.quality is not None]
+    ellipses = any("extent_error_m" in quality.values for quality in qualities)
+    return notes if ellipses else notes[:-1]
 
 
 def _quality(result: ScenarioResult) -> list[str]:

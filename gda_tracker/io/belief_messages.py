@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from gda_tracker.io.extent_messages import extents_from_message, extents_to_message
 from gda_tracker.io.fields import (
     MessageError,
     bools_from_field,
@@ -140,6 +141,8 @@ def predictions_to_message(predictions: Predictions) -> Any:
         message.window_log_class_likelihood = floats_to_field(
             predictions.window_log_class_likelihood
         )
+    if predictions.extents is not None:
+        extents_to_message(predictions.extents, message)
     if len(predictions.strength_shape):
         message.strength_shape = floats_to_field(predictions.strength_shape)
         message.strength_scale = floats_to_field(predictions.strength_scale)
@@ -201,6 +204,7 @@ def predictions_from_message(message: Any) -> Predictions:
         class_names=class_names,
         class_probability=_floats(message, "class_probability", hypotheses, len(class_names)),
         **_window_from_message(message, hypotheses, len(class_names)),
+        extents=extents_from_message(message, hypotheses),
         **strengths,
         group_candidate=group_candidates_from_message(message, hypotheses),
     )

@@ -24,6 +24,7 @@ from typing import Any
 
 import yaml
 
+from gda_tracker.io.extended_input import fault_of_clusters
 from gda_tracker.parameters import ParameterError, Specification, from_mapping, specifications
 from gda_tracker.resources import resource
 
@@ -111,6 +112,11 @@ def read_parameter_file(path: str | Path, tables: Mapping[str, type] | None = No
     return check_parameters(_load(path), known_tables() if tables is None else tables, str(path))
 
 
+def shipped_presets() -> list[str]:
+    """Return the names of the presets that come with the package."""
+    return sorted(path.stem for path in resource("params", "presets").glob("*.yaml"))
+
+
 def read_preset(name: str) -> Values:
     """Return the parameters of the preset ``params/presets/<name>.yaml``.
 
@@ -119,7 +125,7 @@ def read_preset(name: str) -> Values:
     ParameterFileError
         If there is none of this name; the message names the others.
     """
-    known = sorted(path.stem for path in resource("params", "presets").glob("*.yaml"))
+    known = shipped_presets()
     if name not in known:
         raise ParameterFileError(f"preset {name!r}: allowed is one of {', '.join(known)}")
     return read_parameter_file(resource("params", "presets", f"{name}.yaml"))
@@ -151,6 +157,9 @@ def check_parameters(content: Any, tables: Mapping[str, type], source: str) -> V
             from_mapping(tables[node], values)  # combinations of parameters
         except ParameterError as error:
             raise ParameterFileError(f"{source}: node {node}: {error}") from error
+    fault = fault_of_clusters(found.get(RADAR_INPUT, {}), found.get("track_manager", {}))
+    if fault:
+        raise ParameterFileError(f"{source}: {fault}")
     return found
 
 

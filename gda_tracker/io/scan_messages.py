@@ -15,6 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gda_tracker.io.extent_messages import (
+    cells_from_message,
+    cells_of_report_from_message,
+    cells_to_message,
+)
 from gda_tracker.io.fields import (
     MessageError,
     bools_from_field,
@@ -194,6 +199,8 @@ def scan_to_message(scan: Scan) -> Any:
     if scan.sensor_model:
         message.sensor_model = scan.sensor_model
         _platforms_to_message(scan, message)
+    if scan.cells is not None:
+        cells_to_message(scan.cells, message)
     message.signal_strength = floats_to_field(scan.signal_strength)
     if scan.statements:
         message.statements = [statement_to_message(each) for each in scan.statements]
@@ -262,6 +269,7 @@ def scan_from_message(message: Any) -> Scan:
         reference_velocity_mps=_optional_of_size(
             message.reference_velocity_mps, 3, "reference_velocity_mps"
         ),
+        cells=cells_from_message(message, count),
         signal_strength=_optional_of_size(message.signal_strength, count, "signal_strength"),
     )
 
@@ -287,6 +295,9 @@ def scan_report_to_message(report: ScanReport, frame_id: str = "") -> Any:
     message.rejected_counts = masks_to_field(
         [unsigned(count, 32, "rejected_counts") for count in report.rejected.values()]
     )
+    if report.cells is not None:
+        message.cells = masks_to_field([unsigned(report.cells, 32, "cells")])
+        message.partition_probability = [float(report.partition_probability)]
     for name in _REPORT_COUNTS:
         setattr(message, name, unsigned(getattr(report, name), 32, name))
     return message
@@ -322,6 +333,7 @@ def scan_report_from_message(message: Any) -> ScanReport:
         latency_s=float(message.latency_s),
         rejected=dict(zip(reasons, counts.tolist(), strict=True)),
         **{name: int(getattr(message, name)) for name in _REPORT_COUNTS},
+        **cells_of_report_from_message(message),
     )
 
 
@@ -337,6 +349,7 @@ def scan_truth_to_message(truth: ScanTruth) -> Any:
     message.target_id = int32_to_field(truth.target_id)
     message.target_class = [str(name) for name in truth.target_class]
     message.target_state = floats_to_field(truth.target_state)
+    message.target_extent = floats_to_field(truth.target_extent)
     return message
 
 
@@ -355,6 +368,7 @@ def scan_truth_from_message(message: Any) -> ScanTruth:
             f"target_class has {len(target_class)} elements, {len(target_id)} expected"
         )
     target_state = floats_from_field(message.target_state)
+    target_extent = floats_from_field(message.target_extent)
     return ScanTruth(
         sensor_id=str(message.sensor_id),
         stamp_ns=stamp_from_time(message.header.stamp, "header.stamp"),
@@ -364,4 +378,7 @@ def scan_truth_from_message(message: Any) -> ScanTruth:
         target_class=target_class,
         run=int(message.run),
         frame_id=str(message.header.frame_id),
+        target_extent=reshape(target_extent, (len(target_id), 2, 2), "target_extent")
+        if len(target_extent)
+        else None,
     )

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from gda_tracker.io.extent_messages import extent_columns
 from gda_tracker.io.fields import LARGEST_STAMP_NS, NANOSECONDS
 from gda_tracker.io.track_messages import (
     INTEGER_LIMITS,
@@ -26,7 +27,7 @@ ENCAPSULATION_BYTES = 4
 
 
 @lru_cache(maxsize=64)
-def _record(state: int, classes: int, focal: int) -> np.dtype[Any]:
+def _record(state: int, extent: int, classes: int, focal: int) -> np.dtype[Any]:
     """Layout of one ``Track`` with these sizes; 8-byte fields lie on multiples of 8."""
     names: list[str] = []
     formats: list[Any] = []
@@ -52,6 +53,9 @@ def _record(state: int, classes: int, focal: int) -> np.dtype[Any]:
     put("status", "u1")
     put_sequence("state", state)
     put_sequence("covariance", state * state)
+    put_sequence("extent", extent)
+    put("extent_weight", "<f8")
+    put("expected_detections", "<f8")
     put_sequence("class_probability", classes)
     put_sequence("masses", focal)
     for name in REALS:
@@ -118,6 +122,8 @@ def _head(message: Any) -> _Writer:
     writer.integers(4, len(message.deleted_track_ids))
     if len(message.deleted_track_ids):
         writer.integers(8, *message.deleted_track_ids)
+    for rows in (message.detection_counts, message.detection_rows):
+        writer.integers(4, len(rows), *rows)
     return writer
 
 
@@ -136,12 +142,19 @@ def tracks_to_cdr(tracks: Tracks) -> bytes:
     writer.integers(4, count)
     if not count:
         return writer.content()
-    record = _record(tracks.mean.shape[1], len(tracks.class_names), len(tracks.focal))
+    extents = extent_columns(tracks)
+    record = _record(
+        tracks.mean.shape[1],
+        extents["extent"].size // count,
+        len(tracks.class_names),
+        len(tracks.focal),
+    )
     # Zeros, so that padding is the same every time.
     records = np.zeros(count, dtype=record)
     columns = {
         "state": tracks.mean,
         "covariance": tracks.covariance,
+        "extent": extents["extent"],
         "class_probability": tracks.class_probability,
         "masses": tracks.masses,
     }
@@ -156,6 +169,8 @@ def tracks_to_cdr(tracks: Tracks) -> bytes:
         records[name] = values
     for name in REALS:
         records[name] = getattr(tracks, name)
+    for name in ("extent_weight", "expected_detections"):
+        records[name] = extents[name]
     for name in ("first_detection", "last_detection"):
         stamps = getattr(tracks, f"{name}_ns")
         check_integers(stamps, name, 0, LARGEST_STAMP_NS)

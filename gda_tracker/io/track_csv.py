@@ -11,6 +11,7 @@ from typing import TextIO
 import numpy as np
 
 from gda_tracker.io.fields import NANOSECONDS
+from gda_tracker.kinematics.extended.ellipses import semi_axes
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
 # Empty where they are not estimated.
@@ -33,6 +34,11 @@ COLUMNS = (
     "class",
     "class_probability",
     "existence_probability",
+    "semi_axis_m",
+    "other_semi_axis_m",
+    "orientation_rad",
+    "expected_detections",
+    "detections",
     *STRENGTHS,
 )
 
@@ -52,8 +58,11 @@ class TrackCsvWriter:
 
     ``scan`` counts from 0; ``status`` is ``tentative`` or ``confirmed``, also while a track coasts;
     ``class`` is the most probable one and empty without classes; ``existence_probability`` is that
-    of a target behind the track; ``signal_strength`` [mean noise powers], its standard deviation
-    [dB] and the ``detection_probability`` that follows are empty where they are not estimated.
+    of a target behind the track. Five columns are of extended objects and else empty: the
+    ellipse (orientation of its longer axis, counter-clockwise from x), the expected number of
+    detections in a scan and that in this one; ``signal_strength`` [mean noise powers], its
+    standard deviation [dB] and the ``detection_probability`` that follows are empty where they are
+    not estimated.
     Numbers are written so that reading them gives the same float64.
 
     Parameters
@@ -78,6 +87,7 @@ class TrackCsvWriter:
         std = np.sqrt(np.diagonal(tracks.covariance, axis1=1, axis2=2)[:, :2]).tolist()
         mean = tracks.mean[:, :4].tolist()
         stamp = decimal_seconds(tracks.key.stamp_ns)
+        ellipses = _ellipses(tracks)
         for row in range(len(tracks)):
             self._writer.writerow(
                 (
@@ -93,6 +103,7 @@ class TrackCsvWriter:
                     int(tracks.detection_index[row]),
                     *_class(tracks, row),
                     repr(float(tracks.existence_probability[row])),
+                    *ellipses[row],
                     *(_known(float(getattr(tracks, name)[row])) for name in STRENGTHS),
                 )
             )
@@ -125,3 +136,13 @@ def _class(tracks: Tracks, row: int) -> tuple[str, str]:
     if np.count_nonzero(probability == probability[best]) > 1:
         return "", ""  # nothing is known: naming one of several would be a guess
     return tracks.class_names[best], repr(float(probability[best]))
+
+
+def _ellipses(tracks: Tracks) -> list[tuple[str, ...]]:
+    """The last five columns of each track."""
+    if not len(tracks.extent_weight):
+        return [("",) * 5] * len(tracks)
+    axes, orientation = semi_axes(tracks.extent)
+    numbers = np.column_stack([axes, orientation, tracks.expected_detections]).tolist()
+    counts = tracks.detection_count.tolist()
+    return [(*map(repr, own), str(n)) for own, n in zip(numbers, counts, strict=True)]

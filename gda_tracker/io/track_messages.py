@@ -15,10 +15,12 @@ from gda_tracker.evidence.frames import (
     total_ignorance,
     upward_closure,
 )
+from gda_tracker.io.extent_messages import extent_columns, extents_of_track_messages
 from gda_tracker.io.fields import (
     MessageError,
     floats_from_field,
     floats_to_field,
+    int32_to_field,
     int64_from_field,
     int64_to_field,
     make_header,
@@ -115,22 +117,26 @@ def tracks_to_message(tracks: Tracks, *, with_tracks: bool = True) -> Any:
     message.focal_elements = list(_focal_names(tuple(tracks.frame), tuple(tracks.focal.tolist())))
     message.degraded = bool(tracks.degraded)
     message.deleted_track_ids = int64_to_field(tracks.deleted_track_id)
+    message.detection_counts = int32_to_field(tracks.detection_count)
+    message.detection_rows = int32_to_field(tracks.detection_rows)
     if not with_tracks:
         return message
 
-    count = len(tracks)
+    count, extents = len(tracks), extent_columns(tracks)
     # one conversion per column, then slices of array.array: no numpy call per track
     columns = [
         (name, floats_to_field(values), values.size // count if count else 0)
         for name, values in (
             ("state", tracks.mean),
             ("covariance", tracks.covariance),
+            ("extent", extents["extent"]),
             ("class_probability", tracks.class_probability),
             ("masses", tracks.masses),
         )
     ]
     numbers = [(name, _integers(tracks, name, *limits)) for name, *limits in INTEGER_LIMITS]
     reals = [(name, np.asarray(getattr(tracks, name), dtype=np.float64).tolist()) for name in REALS]
+    reals += [(name, extents[name].tolist()) for name in ("extent_weight", "expected_detections")]
     stamps = [
         (name, [split_stamp(stamp, name) for stamp in values.tolist()])
         for name, values in (
@@ -249,6 +255,7 @@ def tracks_from_message(message: Any) -> Tracks:
         detection_index=integers("detection_index").astype(np.int32),
         deleted_track_id=int64_from_field(message.deleted_track_ids),
         degraded=bool(message.degraded),
+        **extents_of_track_messages(message),
     )
 
 

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import chdtri
 
+from gda_tracker.kinematics.extended.cell_ratios import log_cell_ratios
 from gda_tracker.kinematics.measurement_models import observed
 from gda_tracker.kinematics.model_gating import densities, gated_components
 from gda_tracker.kinematics.pair_strengths import pair_log_ratio
@@ -60,8 +61,15 @@ def gate_threshold(gate_probability: float, dimension: int = MEASUREMENT_DIMENSI
 
 
 def gate(scan: Scan, predictions: Predictions) -> GatedPairs:
-    """Return the pairs whose squared Mahalanobis distance is at most the gate threshold."""
+    """Return the pairs whose squared Mahalanobis distance is at most the gate threshold.
+
+    Of extended objects number and scatter of a cell's detections are in the log likelihood too.
+    """
     pairs = _gate_positions(scan, predictions)
+    if scan.cells is not None:
+        pairs.log_likelihood = pairs.log_likelihood + log_cell_ratios(
+            scan, predictions, pairs.hypothesis, pairs.detection
+        )
     ratio = pair_log_ratio(scan, predictions, pairs.hypothesis, pairs.detection)
     if ratio is not None:
         pairs.log_likelihood = pairs.log_likelihood + ratio

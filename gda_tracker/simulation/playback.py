@@ -68,7 +68,7 @@ def of_scenario(
 ) -> list[Playback]:
     """Simulate ``runs`` runs and start each from its labelled detections.
 
-    With several sensors the tracker starts its tracks itself.
+    With several sensors, or extended targets, the tracker starts its tracks itself.
     """
     plays = []
     for run in range(first_run, first_run + runs):
@@ -78,6 +78,9 @@ def of_scenario(
             plays.append(of_recording(network))
             continue
         recording = simulate(scenario, seed, run, base_stamp_ns=run * RUN_SPACING_NS)
+        if scenario.only_automatic:
+            plays.append(of_recording(recording))
+            continue
         n = scenario.time.n_initiation_scans
         initial = labelled_tracks(recording, n, Ring(with_method(recording.preset, method)))
         assert recording.truth is not None

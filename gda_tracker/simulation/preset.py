@@ -34,7 +34,8 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
         The scenario.
     initiation
         ``labelled``: the tracks are given and never end, as in the chapter. ``automatic``: the
-        tracker's own confirmation and deletion. A scenario with several sensors has no other.
+        tracker's own confirmation and deletion. A scenario with several sensors, or with extended
+        targets, has no other.
 
     Raises
     ------
@@ -72,6 +73,9 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
     if scenario.reach is not None:
         manager["initiation"] = initiation = "automatic"
         manager.update(sensor_parameters(scenario.sensors, scenario.reach))
+    if scenario.extended is not None:
+        manager["initiation"] = initiation = "automatic"
+        manager.update(scenario.extended.parameters())
     if initiation == "labelled":
         manager["deletion_misses"] = 0
     return {"track_manager": manager, "rcs_fuzzifier": _classes(scenario)}

@@ -22,6 +22,7 @@ import yaml
 
 from gda_tracker.parameters import ParameterError
 from gda_tracker.resources import resource
+from gda_tracker.simulation.extended_targets import ExtendedKnowledge, Extent
 from gda_tracker.simulation.schema import ScenarioError, check_keys, check_list, key, read_section
 from gda_tracker.simulation.sensor_sections import ModelledSensor, ReachSection, read_sensors
 from gda_tracker.simulation.signal_strengths import check_strengths
@@ -171,6 +172,7 @@ class Target:
     speed_mps: float = key("constant speed", unit="m/s", minimum=0.0)
     initial_heading_deg_ccw_from_north: float = key("heading at scan 1", unit="deg")
     manoeuvres: tuple[Manoeuvre, ...] = ()
+    extent: Extent | None = None
     stops: tuple[Stop, ...] = ()
 
     def __post_init__(self) -> None:
@@ -270,7 +272,7 @@ class Scenario:
 
     With several ``sensors``, each with a model of its own, ``sensor`` stands for the first of them
     where one noise and one place are asked for, ``reach`` is there, and the tracks start by
-    themselves.
+    themselves; so they do where ``extended`` tells of targets with several detections a scan.
     """
 
     name: str
@@ -282,7 +284,13 @@ class Scenario:
     attribute: Attribute
     sensors: tuple[ModelledSensor, ...] = ()
     reach: ReachSection | None = None
+    extended: ExtendedKnowledge | None = None
     notes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def only_automatic(self) -> bool:
+        """Whether tracks can start by themselves only."""
+        return bool(self.sensors) or self.extended is not None
 
 
 def shipped_scenarios() -> dict[str, Path]:
@@ -330,6 +338,8 @@ def scenario_from_mapping(content: Any, where: str = "scenario") -> Scenario:
     several = isinstance(content, Mapping) and "sensors" in content
     sections = ["name", "time", "clutter", "targets", "tracker", "attribute"]
     sections += ["sensors", "reach"] if several else ["sensor"]
+    extended = isinstance(content, Mapping) and "extended" in content
+    sections += ["extended"] if extended else []
     notes = {}
     if isinstance(content, Mapping):
         notes = {k: v for k, v in content.items() if k == NOTES or str(k).startswith(NOTES_PREFIX)}
@@ -347,6 +357,23 @@ def scenario_from_mapping(content: Any, where: str = "scenario") -> Scenario:
     if not several:
         check_strengths(content["sensor"], targets, where)
     sensors = read_sensors(content, where) if several else ()
+    if any(target.extent for target in targets) and (several or not extended):
+        raise ScenarioError(
+            f"{where}: targets with an extent: allowed with the sections sensor and extended"
+        )
+    given = content["sensor"] if extended and isinstance(content.get("sensor"), Mapping) else {}
+    others = (
+        "false_alarm_probability",
+        "resolution_range_m",
+        "blind_speed_mps",
+        "range_rate_std_mps",
+    )
+    for other in others:
+        if given.get(other):
+            raise ScenarioError(
+                f"{where}: sensor: {other} = {given[other]}: allowed is none with the section "
+                "extended"
+            )
     return Scenario(
         name=name,
         time=read_section(Timing, content["time"], f"{where}: time"),
@@ -368,6 +395,11 @@ def scenario_from_mapping(content: Any, where: str = "scenario") -> Scenario:
         reach=(
             read_section(ReachSection, content["reach"], f"{where}: reach") if several else None
         ),
+        extended=(
+            read_section(ExtendedKnowledge, content["extended"], f"{where}: extended")
+            if extended
+            else None
+        ),
         notes=notes,
     )
 
@@ -381,11 +413,14 @@ def _read_target(entry: Any, where: str) -> Target:
         read_section(Manoeuvre, turn, f"{where}: manoeuvres[{index}]")
         for index, turn in enumerate(check_list(turns, f"{where}: manoeuvres", 0))
     )
+    extent = entry.get("extent") if isinstance(entry, Mapping) else None
+    if extent is not None:
+        extent = read_section(Extent, extent, f"{where}: extent")
     stops = tuple(
         read_section(Stop, halt, f"{where}: stops[{index}]")
         for index, halt in enumerate(check_list(halts, f"{where}: stops", 0))
     )
-    return read_section(Target, entry, where, manoeuvres=manoeuvres, stops=stops)
+    return read_section(Target, entry, where, manoeuvres=manoeuvres, stops=stops, extent=extent)
 
 
 def _read_attribute(content: Any, where: str) -> Attribute:

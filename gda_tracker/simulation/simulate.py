@@ -5,7 +5,8 @@ run])`` spawns one stream per source of chance, so that one of them can change (
 while the others stay as they are: 0 detection, 1 measurement noise, 2 radar cross sections of
 targets, 3 false alarms, 4 order of the detections within a scan, 5 signal strengths, 6 which
 targets the radar resolves (:mod:`gda_tracker.simulation.resolution`), 7 echoes too slow to be kept,
-8 range rates (noise of targets, then those of false alarms, uniform as far as targets go). Each
+8 range rates (noise of targets, then those of false alarms, uniform as far as targets go), 9
+extended targets. Each
 stream is drawn for all scans at once, scan by scan and within a scan target by target in the order
 of the file.
 """
@@ -19,6 +20,7 @@ import numpy as np
 from gda_tracker.attributes.rcs import sample
 from gda_tracker.kinematics.blind_zone import BlindZone, detection_probability_at
 from gda_tracker.kinematics.sensor_models import SMALLEST_RANGE_M
+from gda_tracker.simulation.extended_targets import detections_of, true_extents
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.resolution import merged_detections, unresolved_groups
 from gda_tracker.simulation.scenarios import Scenario
@@ -70,7 +72,7 @@ def simulate(
         One ``Detections`` and one ``ScanTruth`` per scan; the preset holds what the tracker is
         told.
     """
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(9)]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, run]).spawn(10)]
     states = true_states(scenario)
     n_scans, n_targets = states.shape[:2]
 
@@ -104,13 +106,22 @@ def simulate(
         owner = np.tile(np.arange(n_targets), (n_scans, 1))
     scan, _ = np.nonzero(seen)
     target = owner[seen]
+    target_range, target_azimuth = target_range[seen], target_azimuth[seen]
+    target_rcs = target_rcs[seen]
+    extents, ellipses = tuple(t.extent for t in scenario.targets), None
+    if any(extent is not None for extent in extents):
+        scan, target, places, target_rcs = detections_of(
+            states, extents, means, models, seen, [streams[2], streams[9]]
+        )
+        target_range, target_azimuth = _measure(scenario, places, streams[1])
+        ellipses = true_extents(states, extents)
     clutter_scan, clutter_range, clutter_azimuth, clutter_rcs = _clutter(scenario, streams[3])
 
     ids = np.array([t.id for t in scenario.targets], dtype=np.int32)
     all_scans = np.concatenate([scan, clutter_scan])
     order = np.lexsort((streams[4].random(len(all_scans)), all_scans))
-    ranges = np.concatenate([target_range[seen], clutter_range])[order]
-    azimuths = np.concatenate([target_azimuth[seen], clutter_azimuth])[order]
+    ranges = np.concatenate([target_range, clutter_range])[order]
+    azimuths = np.concatenate([target_azimuth, clutter_azimuth])[order]
     if strengths:
         false = draw_false_signals(
             streams[5], len(clutter_scan), scenario.sensor.false_alarm_probability
@@ -118,7 +129,7 @@ def simulate(
         signals = np.concatenate([signal[seen], false])[order]
         rcs = (signals - 1.0) / scenario.sensor.strength_per_m2
     else:
-        rcs = np.concatenate([target_rcs[seen], clutter_rcs])[order]
+        rcs = np.concatenate([target_rcs, clutter_rcs])[order]
     sources = np.concatenate([ids[target], np.full(len(clutter_scan), CLUTTER, np.int32)])[order]
 
     begin = np.searchsorted(all_scans[order], np.arange(n_scans + 1))
@@ -161,6 +172,7 @@ def simulate(
                 target_class=classes,
                 run=run,
                 frame_id=FRAME_ID,
+                target_extent=None if ellipses is None else ellipses[k],
             )
         )
     return Recording(
@@ -169,6 +181,7 @@ def simulate(
         truth=truth,
         preset_name=f"scenario {scenario.name}",
         preset=tracker_preset(scenario, initiation),
+        match_distance_m=None if scenario.extended is None else scenario.extended.match_distance_m,
         origin=f"simulated from scenario {scenario.name}, seed {seed}, run {run}",
     )
 

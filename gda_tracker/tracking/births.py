@@ -10,6 +10,7 @@ from gda_tracker.kinematics.measurement_models import observed
 from gda_tracker.kinematics.mixtures import moments
 from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.tracking.existence import prior_odds
+from gda_tracker.tracking.extended.updates import begin_extents
 from gda_tracker.tracking.gaussian_sums import joined, set_sums
 from gda_tracker.tracking.history_window import begin_windows
 from gda_tracker.tracking.hypotheses import HypothesisTable, move_columns
@@ -92,6 +93,7 @@ def begin_tracks(
     if width:
         born.log_score = start_scores(started, scan, density, p) + (log_seen + strengths_ratio)
         born.detection_numbers = start_numbers(started, number, width)
+    begin_extents(born, scan, started.detection, density, p)
     state.next_hypothesis_id += count
     state.next_track_id += count
     return joined(table, born), points, refused

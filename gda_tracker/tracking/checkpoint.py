@@ -39,7 +39,7 @@ from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 MAGIC = b"gda_tracker checkpoint 6\n"
 _LENGTH = struct.Struct("<Q")
 _CHECKSUM = struct.Struct("<I")
-_TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal")
+_TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal", "cell_members")
 _POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))
 _COUPLING_FIELDS = tuple(f.name for f in dataclasses.fields(Couplings))
 _CLUTTER_FIELDS = ("extent_m", "exposure_scans", "count")

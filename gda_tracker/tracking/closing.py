@@ -12,6 +12,7 @@ from gda_tracker.tracking.births import begin_tracks
 from gda_tracker.tracking.blind_zone import apply_zone, count_blind, zone_of
 from gda_tracker.tracking.clutter import clutter_after
 from gda_tracker.tracking.detection_map import detection_map_after
+from gda_tracker.tracking.extended.updates import update_extents, update_extents_by_marginals
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
 from gda_tracker.tracking.group_update import assigned_alone, update_chosen_groups
@@ -143,6 +144,10 @@ def _close_single(
             table, opened.table, opened.scan.statements, with_classes=scores is not None
         )
     merge_components(table, p)
+    if opened.scan.cells is not None and associations.decision == JPDA:
+        update_extents_by_marginals(table, opened.table, opened.scan, associations, p)
+    elif opened.scan.cells is not None:
+        update_extents(table, opened.table, opened.scan, assigned, p)
     if scores is not None and evidence is not None:
         taken = np.flatnonzero(associations.chosen)
         remember(table, evidence, scores.hypothesis[taken], scores.detection[taken])

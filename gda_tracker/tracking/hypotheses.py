@@ -52,6 +52,10 @@ class HypothesisTable:
     leaf against false alarms, ``detection_numbers`` (H, W) the running numbers of the detections of
     the last W scans, newest first, -1 for none (W = 0 under the other decisions).
 
+    Of extended objects ``extended`` (H, 6) is what :mod:`gda_tracker.tracking.extended.columns`
+    says, (H, 0) without; ``cell_members`` (m, 2) are the rows in the source's array of the
+    detections of the last scan's cells, each behind that by which its cell is called.
+
     ``strength`` (H, 2) are shape and scale of what is known of the strength of the target's
     signals, see :mod:`gda_tracker.tracking.signal_strength`; (H, 0) without.
     """
@@ -86,6 +90,7 @@ class HypothesisTable:
     chosen: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     log_score: FloatArray = field(default_factory=empty_floats)
     detection_numbers: IntArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
+    extended: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     strength: FloatArray = field(default_factory=lambda: empty_floats(0, 0))
     # Not per row:
     frame: tuple[str, ...] = ()
@@ -94,6 +99,7 @@ class HypothesisTable:
     window_focal: MaskArray = field(default_factory=lambda: np.zeros(0, dtype=np.uint32))
     models: tuple[str, ...] = ()
     spread: int = 1
+    cell_members: Int32Array = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int32))
 
     def __post_init__(self) -> None:
         """Give rows that were made without a window, models, trees or odds empty ones."""
@@ -113,6 +119,8 @@ class HypothesisTable:
                 setattr(self, name, np.zeros(count))
         if len(self.detection_numbers) != count:
             self.detection_numbers = np.zeros((count, 0), dtype=np.int64)
+        if len(self.extended) != count:
+            self.extended = empty_floats(count, 0)
         if len(self.strength) != count:
             self.strength = empty_floats(count, 0)
 
@@ -185,6 +193,14 @@ def move_columns(masses: FloatArray, focal: MaskArray, columns: MaskArray) -> Fl
     return moved
 
 
-WHOLE_FIELDS = ("frame", "focal", "class_names", "window_focal", "models", "spread")
+WHOLE_FIELDS = (
+    "frame",
+    "focal",
+    "class_names",
+    "window_focal",
+    "models",
+    "spread",
+    "cell_members",
+)
 ALL_FIELDS = tuple(f.name for f in fields(HypothesisTable))
 ROW_FIELDS = tuple(name for name in ALL_FIELDS if name not in WHOLE_FIELDS)

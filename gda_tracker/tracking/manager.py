@@ -28,6 +28,7 @@ from gda_tracker.tracking.closing import (
 )
 from gda_tracker.tracking.door import DefaultNoise, Rejected, received, validate
 from gda_tracker.tracking.door_models import ModelSetting, validate_with_model
+from gda_tracker.tracking.extended.output import cells_of_report
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initial_tracks import (
     fault_of_initial_tracks,
@@ -396,11 +397,12 @@ class TrackManager:
             opened.scan.key,
             closed.outcome,
             detections_received=opened.received,
-            detections_admitted=len(opened.scan),
+            detections_admitted=opened.scan.detections,
             rejected=dict(opened.rejected),
             tracks_confirmed=confirmed_tracks,
             tracks_tentative=tracks - confirmed_tracks,
             queue_length=len(self._room),
+            **cells_of_report(opened.scan),
         )
         self.opened = None
         self._ended_track_id = np.zeros(0, dtype=np.int64)

@@ -10,10 +10,13 @@ import numpy as np
 from gda_tracker.tracking.blind_zone import tell_zone
 from gda_tracker.tracking.clutter import densities_of_hypotheses
 from gda_tracker.tracking.detection_map import tell_detection_map
+from gda_tracker.tracking.extended.cells import scan_of_cells
+from gda_tracker.tracking.extended.columns import predict_extents, with_extents
 from gda_tracker.tracking.history_window import with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
 from gda_tracker.tracking.mht.start import fit
+from gda_tracker.tracking.parameter_groups.extended import NONE
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.predictions import predictions_of
 from gda_tracker.tracking.signal_strength import tell_strengths, with_signals, with_strengths
@@ -61,13 +64,17 @@ def open_scan(
         started, dt_s = True, 0.0
         table = table.select(np.zeros(len(table), dtype=bool))
     table = fit(table, p.mht_scans if p.decision == "mht" else 0)
-    table = with_window(predict_states(table, dt_s, p), p.window_rows)
+    last, table = table, with_window(predict_states(table, dt_s, p), p.window_rows)
+    table = predict_extents(last, table, dt_s, p)
     table, scan = with_strengths(table, dt_s, p), with_signals(scan, p, counters)
     density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
     if state.desk.waiting:
         scan = _with_statements(scan, table, state, p, counters)
     predictions = tell_strengths(predictions_of(scan.key, table, p, density), scan, table, p)
     predictions = tell_detection_map(predictions, state.looks, scan, table.mean, p)
+    if p.extended_objects != NONE and not scan.sensor_model:
+        scan = scan_of_cells(scan, table, predictions.settings.clutter_density, p)
+        predictions = with_extents(predictions, table, p)
     return OpenScan(
         scan,
         tell_zone(predictions, scan, p),

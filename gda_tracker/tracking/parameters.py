@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from gda_tracker.tracking.parameter_groups.blind_zone import BlindZoneParameters
 from gda_tracker.tracking.parameter_groups.door import DoorParameters
+from gda_tracker.tracking.parameter_groups.extended import ExtendedParameters
 from gda_tracker.tracking.parameter_groups.history import HistoryParameters
 from gda_tracker.tracking.parameter_groups.life import LifeParameters
 from gda_tracker.tracking.parameter_groups.method import MethodParameters
@@ -26,6 +27,7 @@ class TrackManagerParameters(
     HistoryParameters,
     MhtParameters,
     LifeParameters,
+    ExtendedParameters,
     MotionParameters,
     ResolutionParameters,
     SensorModelParameters,
@@ -46,3 +48,4 @@ class TrackManagerParameters(
         HistoryParameters.check(self)
         DoorParameters.check(self)
         OperationParameters.check(self)
+        self.check_extended(self.max_detections_per_scan, self.clutter_density_per_m_rad)

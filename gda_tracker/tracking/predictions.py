@@ -47,7 +47,7 @@ def predictions_of(
             attribute_term=parameters.attribute_term,
             missed_track_hypotheses=parameters.missed_track_hypotheses,
             gate_probability=parameters.gate_probability,
-            clutter_density=_common(clutter_density, parameters),
+            clutter_density=common_density(clutter_density, parameters),
             history_policy=parameters.history_policy,
             forgetting_factor=parameters.share_kept,
             **resolution_settings(parameters),
@@ -93,7 +93,7 @@ def _components_of_sums(
     )
 
 
-def _common(density: FloatArray, parameters: TrackManagerParameters) -> float:
+def common_density(density: FloatArray, parameters: TrackManagerParameters) -> float:
     """One density for all hypotheses; exactly the one given where it is that of all."""
     if parameters.clutter_density == GIVEN or not len(density):
         return parameters.clutter_density_per_m_rad

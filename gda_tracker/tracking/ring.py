@@ -224,8 +224,9 @@ class Ring:
         opened = self.manager.open()
         scan, predictions = opened.scan, opened.predictions
         marks.append(clock())
-        # What was prepared knows of no statements.
-        evidence = self.fuzzifier(scan) if prepared is None or scan.statements else prepared
+        # What was prepared knows of no statements and no cells.
+        known = None if scan.statements or scan.cells is not None else prepared
+        evidence = self.fuzzifier(scan) if known is None else known
         marks.append(clock())
         pairs = gate(scan, predictions)
         marks.append(clock())

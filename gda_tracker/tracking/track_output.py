@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gda_tracker.tracking.existence import existence_of_tracks
+from gda_tracker.tracking.extended.output import extents_of_tracks
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.signal_strength import told_strengths
 from gda_tracker.vocabulary.arrays import IntArray
@@ -53,4 +54,5 @@ def tracks_of(
         detection_index=table.detection_index.astype(np.int32),
         deleted_track_id=deleted_track_id,
         degraded=degraded,
+        **extents_of_tracks(table),
     )

@@ -144,6 +144,7 @@ def _tracks(picture: Picture) -> dict[str, Any]:
         "xx": numbers(tracks.covariance[:, 0, 0], MILLIMETRES),
         "xy": numbers(tracks.covariance[:, 0, 1], MILLIMETRES),
         "yy": numbers(tracks.covariance[:, 1, 1], MILLIMETRES),
+        "extent": numbers(tracks.extent.reshape(-1, 4)[:, [0, 1, 3]], MILLIMETRES),
         "hits": tracks.hits.tolist(),
         "coasted": tracks.coasted_scans.tolist(),
         "detection": tracks.detection_index.tolist(),

@@ -14,6 +14,7 @@ from gda_tracker.vocabulary.arrays import (
     MaskArray,
     empty_floats,
 )
+from gda_tracker.vocabulary.extents import PredictedExtents
 from gda_tracker.vocabulary.scans import ScanKey
 
 # What is carried on of a track's attribute history.
@@ -69,6 +70,8 @@ class Predictions:
     F) over the Venn bitmasks ``window_focal`` (F,) and ``window_log_class_likelihood`` (H, W - 1,
     C) are those of ``Evidence``; of a ``BELIEF_ROW`` the latter are log class probabilities.
 
+    ``extents`` are there where hypotheses are extended objects.
+
     Where signal strength counts on this scan, and else empty: ``strength_shape`` and
     ``strength_scale`` (H,) of the inverse Gamma density of 1 + mean strength
     (:mod:`gda_tracker.kinematics.signal_strength`), on which ``detection_probability`` rests.
@@ -97,6 +100,7 @@ class Predictions:
     window_kind: Int32Array = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int32))
     window_masses: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
     window_log_class_likelihood: FloatArray = field(default_factory=lambda: empty_floats(0, 0, 0))
+    extents: PredictedExtents | None = None
     strength_shape: FloatArray = field(default_factory=empty_floats)
     strength_scale: FloatArray = field(default_factory=empty_floats)
     group_candidate: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))

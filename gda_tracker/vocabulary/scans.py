@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, empty_floats
+from gda_tracker.vocabulary.extents import ScanCells
 from gda_tracker.vocabulary.statements import Statement
 
 IDENTITY_QUATERNION = (0.0, 0.0, 0.0, 1.0)
@@ -74,6 +75,8 @@ class Scan:
     ``attribute_names`` (A) names any. ``statements`` were admitted since the last scan.
     ``sensor_model`` names one of :mod:`gda_tracker.kinematics.measurement_models`, empty for range
     and azimuth; then what it does not measure is NaN, and velocity and reference are there.
+    With ``cells`` (of extended objects) a row is a cell, several detections put together:
+    ``source_index`` is the one nearest to their centroid.
     ``signal_strength`` (n,) is in mean noise powers, NaN where unknown; ``None`` where it plays no
     part.
     """
@@ -99,10 +102,16 @@ class Scan:
     sensor_velocity_mps: FloatArray | None = None
     reference_position_m: FloatArray | None = None
     reference_velocity_mps: FloatArray | None = None
+    cells: ScanCells | None = None
     signal_strength: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.range_m)
+
+    @property
+    def detections(self) -> int:
+        """Number of detections, also where rows are cells."""
+        return len(self) if self.cells is None else len(self.cells.member)
 
 
 @dataclass(slots=True)
@@ -110,7 +119,9 @@ class ScanReport:
     """The answer to one ``Detections``; message ``ScanReport``.
 
     ``outcome`` is ``tracked``, ``degraded``, ``gave_up``, ``initialised`` or ``rejected``;
-    ``rejected`` counts, by reason, the detections that were left out of an admitted scan.
+    ``rejected`` counts, by reason, the detections that were left out of an admitted scan. Of
+    extended objects ``cells`` counts the groups of detections (else ``None``), and
+    ``partition_probability`` says how probable it is that they belong together like that.
     """
 
     key: ScanKey
@@ -125,6 +136,8 @@ class ScanReport:
     tracks_tentative: int = 0
     queue_length: int = 0
     retries: int = 0
+    cells: int | None = None
+    partition_probability: float = 1.0
 
 
 @dataclass(slots=True)
@@ -133,6 +146,7 @@ class ScanTruth:
 
     ``source_id`` (n,) names the target behind each detection of the source's ``Detections``, -1 for
     clutter, ``None`` where unknown. ``target_state`` is (T, 4): x, y, vx, vy, NaN where unknown.
+    ``target_extent`` (T, 2, 2) [m2] are the ellipses y' X^-1 y = 1, zeros for points.
     """
 
     sensor_id: str
@@ -143,3 +157,4 @@ class ScanTruth:
     target_class: tuple[str, ...] = ()
     run: int = 0
     frame_id: str = ""
+    target_extent: FloatArray | None = None

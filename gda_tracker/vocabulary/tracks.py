@@ -37,6 +37,12 @@ class Tracks:
     ``detection_index`` (N,) row in the
     source's ``Detections``, -1 for none; stamps in ns. ``status`` (N,) is ``TENTATIVE`` or
     ``CONFIRMED``.
+
+    Of extended objects, else empty: ``extent`` (N, 2, 2) [m2], the expected matrix X of the ellipse
+    y' X^-1 y = 1; ``extent_weight`` (N,), how many detections it is known from, so that a semi-axis
+    a is known to a / sqrt(2 (weight - 2)); ``expected_detections`` (N,) in a scan;
+    ``detection_count`` (N,) in this one, with their rows in the source's ``Detections`` in
+    ``detection_rows``, track after track; ``detection_index`` is that nearest to their centroid.
     """
 
     key: ScanKey
@@ -65,6 +71,11 @@ class Tracks:
     detection_index: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     deleted_track_id: IntArray = field(default_factory=_ints)
     degraded: bool = False
+    extent: FloatArray = field(default_factory=lambda: empty_floats(0, 2, 2))
+    extent_weight: FloatArray = field(default_factory=empty_floats)
+    expected_detections: FloatArray = field(default_factory=empty_floats)
+    detection_count: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    detection_rows: Int32Array = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
 
     def __post_init__(self) -> None:
         """Say of what tracks were made without that it is not known."""

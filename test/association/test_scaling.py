@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gda_tracker.association.assignment import best_hypothesis
+from gda_tracker.association.best_hypothesis import best_hypothesis
 from gda_tracker.association.scaling import dual_potentials, scale
 
 

@@ -24,6 +24,7 @@ from gda_tracker.vocabulary import (
     Tracks,
     TrackSetArray,
 )
+from gda_tracker.vocabulary.extents import PredictedExtents, ScanCells
 
 KEY = ScanKey(2**64 - 1, "radar north", 1_620_205_606_919_338_123)
 FRAME = ("VS", "S", "B")
@@ -152,6 +153,45 @@ def scan(count: int = 7, full: bool = True) -> Scan:
         rcs_m2=floats(count, seed=7),
         rcs_valid=np.arange(count) % 3 == 0,
         **(optional if full else {}),
+    )
+
+
+def scan_of_cells(count: int = 3) -> Scan:
+    """Return an admitted scan of extended objects."""
+    size = np.arange(1, count + 1, dtype=np.int32)
+    cells = ScanCells(
+        count=size,
+        scatter=floats(count, 2, 2, seed=21),
+        noise=floats(count, 2, 2, seed=22),
+        log_false=floats(count, seed=23),
+        member=np.arange(size.sum(), dtype=np.int32)[::-1].copy(),
+        probability=1.0 / 3.0,
+    )
+    return dataclasses.replace(scan(count, full=False), cells=cells)
+
+
+def extended_predictions(count: int = 5) -> Predictions:
+    """Return predictions of extended objects."""
+    extents = PredictedExtents(
+        floats(count, 2, 2, seed=24),
+        floats(count, seed=25),
+        floats(count, seed=26),
+        floats(count, seed=27),
+        0.25,
+    )
+    return dataclasses.replace(predictions(count), extents=extents)
+
+
+def extended_tracks(count: int = 4) -> Tracks:
+    """Return tracks of extended objects."""
+    number = np.arange(count, dtype=np.int32)
+    return dataclasses.replace(
+        tracks(count),
+        extent=floats(count, 2, 2, seed=28),
+        extent_weight=floats(count, seed=29),
+        expected_detections=floats(count, seed=30),
+        detection_count=number,
+        detection_rows=np.arange(number.sum(), dtype=np.int32) * 3,
     )
 
 

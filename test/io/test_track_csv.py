@@ -47,7 +47,8 @@ def test_columns_are_in_their_order(tmp_path):
         pass
     assert (tmp_path / "tracks.csv").read_text() == (
         "scan,stamp_s,track_id,status,x_m,y_m,vx_mps,vy_mps,x_std_m,y_std_m,coasted_scans,hits,"
-        "misses,detection_index,class,class_probability,existence_probability,"
+        "misses,detection_index,class,class_probability,existence_probability,semi_axis_m,"
+        "other_semi_axis_m,orientation_rad,expected_detections,detections,"
         "signal_strength,signal_strength_std_db,detection_probability\n"
     )
 
@@ -58,10 +59,10 @@ def test_one_row_per_track_and_scan(tmp_path):
         writer.write(1, simple_tracks())
     lines = (tmp_path / "tracks.csv").read_text().splitlines()
     assert lines[1:] == [
-        "1,1620205606.919338123,3,confirmed,1.5,-2.0,0.1,0.3333333333333333,2.0,0.5,1,7,1,-1,fighter,0.75,0.9989486841884,"
+        "1,1620205606.919338123,3,confirmed,1.5,-2.0,0.1,0.3333333333333333,2.0,0.5,1,7,1,-1,fighter,0.75,0.9989486841884,,,,,,"
         "4.5,1.25,0.5",
         "1,1620205606.919338123,5,tentative,1e-07,2000000000.0,0.0,-0.0,3.0,1.4142135623730951,0,2,0,4,"
-        '"cargo, big",0.7,0.125,,,',
+        '"cargo, big",0.7,0.125,,,,,,,,',
     ]
 
 
@@ -104,3 +105,20 @@ def test_stamps_are_exact(stamp, text):
 def test_a_file_that_cannot_be_written(tmp_path):
     with pytest.raises(OSError, match="No such file or directory"):
         TrackCsvWriter(tmp_path / "nowhere" / "tracks.csv")
+
+
+def test_ellipses_of_extended_objects(tmp_path):
+    tracks = simple_tracks()
+    tracks.extent = np.array([[[4.0, 0.0], [0.0, 25.0]], [[1.0, 0.0], [0.0, 1.0]]])
+    tracks.extent_weight = np.array([7.0, 9.0])
+    tracks.expected_detections = np.array([6.5, 0.25])
+    tracks.detection_count = np.array([3, 0], dtype=np.int32)
+    tracks.detection_rows = np.array([4, 7, 8], dtype=np.int32)
+    with TrackCsvWriter(tmp_path / "tracks.csv") as writer:
+        writer.write(0, tracks)
+    first, second = rows_of(tmp_path / "tracks.csv")
+    assert float(first["semi_axis_m"]) == 5.0
+    assert float(first["other_semi_axis_m"]) == 2.0
+    assert float(first["orientation_rad"]) == pytest.approx(np.pi / 2)
+    assert first["expected_detections"] == "6.5"
+    assert [first["detections"], second["detections"]] == ["3", "0"]

@@ -306,3 +306,13 @@ def test_trees_and_their_delayed_tracks(method, environment, domain, tmp_path):
     assert differences(found, delayed) == []
     leaves = [len(r.message().hypothesis_id) for r in records if r.topic == "/predictions"]
     assert max(leaves) > 4
+
+
+def test_extended_objects(domain):
+    """Cells and extents travel exactly: what association needs of them is in the messages."""
+    plays, parameters = scenario_plays("extended_objects", "jpda/bayes/cv")
+    plays = [replace(plays[0], detections=plays[0].detections[:12])]
+    expected = offline(plays, parameters)
+    assert any(len(tracks.extent_weight) for tracks in expected.values())
+    played = play_in_one_process(plays, parameters, domain)
+    assert differences(played.tracks, expected) == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 
+import numpy as np
 import pytest
 import yaml
 
@@ -13,6 +14,7 @@ from gda_tracker.simulation.scenarios import (
     shipped_scenarios,
 )
 from gda_tracker.simulation.schema import ScenarioError
+from gda_tracker.simulation.simulate import simulate
 
 
 @pytest.fixture
@@ -25,6 +27,7 @@ def test_shipped_scenarios_load_by_name_and_path():
         "closely_spaced_targets",
         "crossing_bearings",
         "crossing_targets",
+        "extended_objects",
         "formations",
         "mixed_sensors",
         "moving_emitter",
@@ -156,3 +159,31 @@ def test_an_exponent_without_a_point_is_a_number(tmp_path):
     path = tmp_path / "short.yaml"
     path.write_text(text)
     assert load_scenario(path) == load_scenario("crossing_targets")
+
+
+def test_extended_targets_give_detections_all_over_their_ellipses():
+    scenario = load_scenario("extended_objects")
+    recording = simulate(scenario, 1, initiation="automatic")
+    manager = recording.preset["track_manager"]
+    assert (manager["extended_objects"], manager["initiation"]) == ("random_matrix", "automatic")
+    counts, squares = np.zeros(3), np.zeros((3, 2, 2))
+    for detections, truth in zip(recording.detections, recording.truth, strict=True):
+        xy = detections.range_m[:, None] * np.stack(
+            [np.cos(detections.azimuth_rad), np.sin(detections.azimuth_rad)], axis=1
+        )
+        for place, target in enumerate(truth.target_id):
+            gap = xy[truth.source_id == target] - truth.target_state[place, :2]
+            root = np.linalg.inv(np.linalg.cholesky(truth.target_extent[place]))
+            counts[place] += len(gap)
+            squares[place] += (root @ gap.T) @ (root @ gap.T).T
+    expected = 60 * (2 + 58 * 0.95) / 60 * np.array([15.0, 8.0, 8.0])
+    assert np.abs(counts - expected).max() < 5.0 * np.sqrt(expected.max())
+    # A quarter of the extent, and the noise on top, 7 m across the boats' 50 m and 30 m.
+    assert np.trace(squares[2]) / 2.0 / counts[2] == pytest.approx(0.27, abs=0.05)
+
+
+def test_extents_need_what_the_tracker_is_told_of_them():
+    content = yaml.safe_load(shipped_scenarios()["extended_objects"].read_text())
+    del content["extended"]
+    with pytest.raises(ScenarioError, match="allowed with the sections sensor and extended"):
+        scenario_from_mapping(content)

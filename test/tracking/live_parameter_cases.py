@@ -177,6 +177,22 @@ def many_statements() -> list[Any]:
     return _statements(0.0, 2)
 
 
+@lru_cache
+def extended() -> list[Any]:
+    """Two extended objects, several detections each, one of them missed once."""
+    rng = np.random.default_rng(9)
+    scans = []
+    for k in range(14):
+        bodies = [
+            np.array([2000.0 + 10.0 * k, 1000.0 + 4.0 * k * (k > 8)]),
+            np.array([2500.0, 1200.0 - 10.0 * k]),
+        ]
+        points = [body + rng.normal(0.0, [20.0, 6.0], (rng.poisson(6), 2)) for body in bodies]
+        far = rng.uniform(500.0, 3000.0, (2, 2))
+        scans.append(scan_at(100.0 + k, np.concatenate([*points[k == 12 :], far])))
+    return scans
+
+
 @dataclass(frozen=True)
 class Case:
     """A change of one parameter.
@@ -209,6 +225,13 @@ class Case:
         return {"track_manager": {**QUIET, **self.base}, **self.also}
 
 
+EXTENDED = {
+    "extended_objects": "random_matrix",
+    "cell_least_distance_m": 5.0,
+    "cell_largest_distance_m": 40.0,
+    "extent_radius_m": 20.0,
+}
+WIDE = {"cell_largest_distance_m": 400.0, "extent_radius_m": 3.0, "extent_prior_weight": 50.0}
 STAYS = [0.8, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8]
 
 CASES: dict[str, dict[str, Case]] = {
@@ -288,6 +311,18 @@ CASES: dict[str, dict[str, Case]] = {
         "statement_max_age_s": Case(1.0, fed=old_statements, shows=ANSWERS),
         "statement_max_ahead_s": Case(1.0, fed=early_statements, shows=ANSWERS),
         "max_statements": Case(1, fed=many_statements, shows=ANSWERS, later=True),
+        "extended_objects": Case("random_matrix", fed=extended),
+        "cell_least_distance_m": Case(100.0, {**EXTENDED, **WIDE}, extended, later=True),
+        "cell_largest_distance_m": Case(6.0, EXTENDED, extended, later=True),
+        "cell_partitions": Case(1, EXTENDED, extended, later=True),
+        "extent_radius_m": Case(300.0, EXTENDED, extended, later=True),
+        "extent_prior_weight": Case(200.0, EXTENDED, extended, later=True),
+        "extent_spread": Case(1.0, EXTENDED, extended),
+        "extent_memory_s": Case(0.5, EXTENDED, extended),
+        "extent_turns_with_course": Case(False, EXTENDED, extended),
+        "detections_per_object": Case(0.5, EXTENDED, extended, later=True),
+        "detection_rate_memory_s": Case(0.5, EXTENDED, extended),
+        "false_group_ratio": Case(1e3, {**EXTENDED, **JPDA}, extended, later=True),
         "imm_process_noise_factors": Case([1.0, 6.0], {"filter": "imm"}),
         "imm_mean_sojourn_s": Case([2.0, 2.0], {"filter": "imm"}),
         "imm_models": Case(["constant_velocity", "coordinated_turn"], {"filter": "imm"}),

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln
 
-from gda_tracker.association.assignment import best_hypothesis
+from gda_tracker.association.best_hypothesis import best_hypothesis
 from gda_tracker.kinematics.extended.detection_rate import (
     log_count_probability,
     log_unseen_probability,
@@ -84,7 +84,8 @@ class Explanation:
 
     ``log_weight`` is that of the whole; ``cell_of`` (N,) is the cell of each object, -1 for none;
     ``log_false`` and ``log_new`` (C,) are the log weights of a cell as false alarms and as a new
-    object; ``log_pair`` (N, C) those of the pairs, -inf outside the gate.
+    object; ``log_pair`` (N, C) those of the pairs, -inf outside the gate. ``log_cell`` (C,) is what
+    a cell adds to the weight of a hypothesis in which no object gives detections.
     """
 
     label: IntArray
@@ -94,6 +95,7 @@ class Explanation:
     log_false: FloatArray
     log_new: FloatArray
     log_pair: FloatArray
+    log_cell: FloatArray
 
 
 def explain(
@@ -126,7 +128,7 @@ def explain(
         K of each, the most probable first; the probabilities are among these K hypotheses.
     """
     found = [
-        _explain(states, rate_shape, rate_rate, positions, noise, label, sensor, gate)
+        explain_partition(states, rate_shape, rate_rate, positions, noise, label, sensor, gate)
         for label in partitions
     ]
     log_weight = np.array([one.log_weight for one in found])
@@ -135,7 +137,7 @@ def explain(
     return [found[k] for k in order], probability / probability.sum()
 
 
-def _explain(
+def explain_partition(
     states: ExtendedStates,
     rate_shape: FloatArray,
     rate_rate: FloatArray,
@@ -143,12 +145,22 @@ def _explain(
     noise: FloatArray,
     label: IntArray,
     sensor: ExtendedSensor,
-    gate: float,
+    gate: float = 25.0,
+    relative_density: FloatArray | None = None,
 ) -> Explanation:
+    """The best hypothesis of one partition (n,); the rest as for :func:`explain`.
+
+    ``relative_density`` (n,) scales the sensor's densities (false alarms, new objects, ghosts) at
+    each detection; without it they are the same everywhere.
+    """
     cells = cells_of(positions, label, noise)
     objects, number = len(states), len(cells.count)
     log_new = new_object_log_weight(cells, sensor)
     log_false = cells.count * np.log(sensor.clutter_density)
+    if relative_density is not None:
+        log_scale = np.bincount(label, np.log(relative_density), minlength=number)
+        log_false = log_false + log_scale
+        log_new = log_new + log_scale / cells.count
     if sensor.ghost_density > 0.0:
         log_ghost = log_new + np.log(sensor.ghost_density / sensor.birth_density)
         log_false = np.logaddexp(log_false, log_ghost)
@@ -163,12 +175,18 @@ def _explain(
         )
     log_idle = log_unseen_probability(rate_shape, rate_rate, sensor.detection_probability)
     log_alone = np.logaddexp(log_false, log_new)
-    cell_of = best_hypothesis(log_pair, log_idle, log_alone)
-    assert cell_of is not None  # idle weights are positive
-    taken = cell_of >= 0
-    weight = log_pair[np.flatnonzero(taken), cell_of[taken]].sum() + log_idle[~taken].sum()
-    weight += np.delete(log_alone, cell_of[taken]).sum()
-    return Explanation(label, cells, float(weight), cell_of, log_false, log_new, log_pair)
+    cell_of = np.full(objects, -1, dtype=np.int64)
+    # Only what lies in a gate has anything to decide.
+    near, gated = np.unique(track), np.unique(cell)
+    chosen = best_hypothesis(log_pair[np.ix_(near, gated)], log_idle[near], log_alone[gated])
+    assert chosen is not None  # idle weights are positive
+    cell_of[near[chosen >= 0]] = gated[chosen[chosen >= 0]]
+    rows = np.flatnonzero(cell_of >= 0)
+    taken = cell_of[rows]
+    log_cell = log_alone
+    log_cell[taken] = log_pair[rows, taken] - log_idle[rows]
+    weight = float(log_cell.sum() + log_idle.sum())
+    return Explanation(label, cells, weight, cell_of, log_false, log_new, log_pair, log_cell)
 
 
 def new_object_log_weight(cells: Cells, sensor: ExtendedSensor) -> FloatArray:
@@ -198,8 +216,13 @@ def _near(
     """Objects and cells in each other's gate."""
     d = cells.centroid.shape[1]
     total = states.covariance[:, :d, :d] + spread * states.extent
-    gap = cells.centroid[None] - states.mean[:, None, :d]
-    inner = np.linalg.inv(total[:, None] + cells.noise[None])
-    distance = np.einsum("icd,icde,ice->ic", gap, inner, gap)
-    track, cell = np.nonzero(distance <= gate)
-    return track, cell
+    squared = np.zeros((len(states), len(cells.count)))
+    for axis in range(d):
+        squared += (cells.centroid[None, :, axis] - states.mean[:, None, axis]) ** 2
+    # No variance exceeds the trace: what is farther than that allows is outside.
+    widest = np.trace(total, axis1=1, axis2=2)[:, None] + np.trace(cells.noise, axis1=1, axis2=2)
+    track, cell = np.nonzero(squared <= gate * widest)
+    gap = cells.centroid[cell] - states.mean[track, :d]
+    solved = np.linalg.solve(total[track] + cells.noise[cell], gap[:, :, None])[:, :, 0]
+    inside = (gap * solved).sum(axis=1) <= gate
+    return track[inside], cell[inside]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gda_tracker.io.markers.parameters import Colour, MarkerParameters
+from gda_tracker.kinematics.extended.ellipses import semi_axes
 from gda_tracker.kinematics.measurement_curves import measurement_curves
 from gda_tracker.kinematics.measurement_models import locates
 from gda_tracker.kinematics.rigid_transforms import rotation_matrix
@@ -247,8 +248,13 @@ def _namespaces(tracks: Tracks) -> list[str]:
 
 
 def track_spheres(tracks: Tracks, p: MarkerParameters) -> list[Shape]:
-    """Return a sphere for each track; tentative ones are half as large."""
+    """Return a sphere for each track; tentative ones are half as large.
+
+    Of extended objects it is a flat disc, the ellipse of the object as large as it is.
+    """
     colour, name = colours(tracks, p), _namespaces(tracks)
+    if len(tracks.extent_weight):
+        return _extents(tracks, p)
     found = []
     for row in shown_rows(tracks, p).tolist():
         size = p.scale * p.track_size_m * (1.0 if name[row] == "confirmed" else 0.5)
@@ -256,6 +262,19 @@ def track_spheres(tracks: Tracks, p: MarkerParameters) -> list[Shape]:
         number = number_of(tracks.track_id[row])
         at = (x, y, p.height_m)
         found.append(Shape(name[row], number, SPHERE, colour[row], (size, size, size), at))
+    return found
+
+
+def _extents(tracks: Tracks, p: MarkerParameters) -> list[Shape]:
+    colour, name = colours(tracks, p), _namespaces(tracks)
+    axes, yaw = semi_axes(tracks.extent)
+    flat = FLAT * p.scale * p.track_size_m
+    found = []
+    for row in shown_rows(tracks, p).tolist():
+        x, y = tracks.mean[row, :2].tolist()
+        size = (max(2.0 * axes[row, 0], flat), max(2.0 * axes[row, 1], flat), flat)
+        number, at = number_of(tracks.track_id[row]), (x, y, p.height_m)
+        found.append(Shape(name[row], number, CYLINDER, colour[row], size, at, float(yaw[row])))
     return found
 
 

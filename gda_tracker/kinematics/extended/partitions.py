@@ -61,10 +61,10 @@ def distance_partitions(
     edges = np.unique(np.append(inner, least_m))
     lasts = np.diff(np.append(edges, largest_m))
     chosen = np.sort(np.argsort(-lasts, kind="stable")[:most])
-    return np.array([_by_appearance(fcluster(tree, edge, "distance")) for edge in edges[chosen]])
+    return np.array([by_appearance(fcluster(tree, edge, "distance")) for edge in edges[chosen]])
 
 
-def _by_appearance(label: IntArray) -> IntArray:
+def by_appearance(label: IntArray) -> IntArray:
     """The same cells, numbered in the order in which they appear."""
     _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=np.int64)

@@ -13,6 +13,7 @@ from gda_tracker.association.statements import statement_factors
 from gda_tracker.tracking.answers import Inconsistent
 from gda_tracker.tracking.blind_zone import apply_zone
 from gda_tracker.tracking.existence import log_room
+from gda_tracker.tracking.extended.updates import update_extents
 from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
 from gda_tracker.tracking.group_update import put_states, updated_by_groups
@@ -177,6 +178,9 @@ def grow(
         predicted = opened.table.select(branches.parent)
         update_heard_states(table, predicted, opened.scan.statements, scores is not None)
     merge_components(table, parameters)
+    if opened.scan.cells is not None:
+        predicted = opened.table.select(branches.parent)
+        update_extents(table, predicted, opened.scan, used, parameters)
     count_detections(table, opened.scan, used)
     p = parameters
     if p.mht_merge_scans:

@@ -56,6 +56,9 @@ export class Plan {
         const points = ellipse(tracks.x[i], tracks.y[i], tracks.xx[i], tracks.xy[i], tracks.yy[i], CHI_SQUARE_95);
         outline(scope, points, colour, { width: 1.4 });
       }
+      if (tracks.extent.length) {
+        outline(scope, ellipse(tracks.x[i], tracks.y[i], ...tracks.extent[i], 1), colour, { width: 2.2 });
+      }
       const ahead = [tracks.x[i] + AHEAD * tracks.vx[i], tracks.y[i] + AHEAD * tracks.vy[i]];
       outline(scope, [[tracks.x[i], tracks.y[i]], ahead], colour, { width: 1.6 });
     });
