@@ -9,8 +9,8 @@ import pytest
 
 from scripts import measure_resolution as resolution
 from scripts import measure_signal_strength as strength
-from scripts import measure_unresolved as ring
 from scripts import measure_strength_in_the_ring as in_the_ring
+from scripts import measure_unresolved as ring
 
 DOCS = resolution.ROOT / "docs"
 
