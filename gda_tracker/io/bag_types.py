@@ -7,6 +7,7 @@ a bag can be read and checked on a machine without ROS.
 from __future__ import annotations
 
 from collections.abc import Collection
+from contextlib import suppress
 from functools import lru_cache
 from typing import Any
 
@@ -17,6 +18,8 @@ from gda_tracker.resources import resource
 
 PACKAGE = "gda_tracker_msgs"
 _INSTALL = "pip install gda_tracker[bags]"
+# Bytes that may stand behind a message.
+MOST_BEHIND = 64
 
 
 class MissingLibraryError(ImportError):
@@ -130,3 +133,25 @@ def _store_value(value: Any, description: Any, store: Any) -> Any:
         value = [item[0] for item in value]
     dtype = {"byte": "uint8", "char": "uint8"}.get(element[1][0], element[1][0])
     return np.ascontiguousarray(value, dtype=dtype)
+
+
+def deserialized(store: Any, data: bytes, kind: str) -> Any:
+    """Return a message in the rosbags library's own class.
+
+    ``rclpy.serialization.serialize_message`` may leave some bytes behind the message, which the
+    library takes for a mistake; DDS sends none.
+
+    Raises
+    ------
+    rosbags.serde.SerdeError
+        If the bytes are not a message of this type.
+    """
+    from rosbags.serde import SerdeError
+
+    try:
+        return store.deserialize_cdr(data, kind)
+    except SerdeError:
+        for behind in range(4, MOST_BEHIND + 1, 4):
+            with suppress(SerdeError):
+                return store.deserialize_cdr(data[:-behind], kind)
+        raise

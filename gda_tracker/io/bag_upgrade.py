@@ -38,7 +38,7 @@ def upgrade_from(kind: str, definition: str) -> Upgrade | None:
         return None
 
     def upgrade(data: bytes) -> bytes:
-        message = earlier.deserialize_cdr(data, kind)
+        message = bag_types.deserialized(earlier, data, kind)
         return bytes(present.serialize_cdr(_upgraded(message, kind, present), kind))
 
     return upgrade

@@ -69,7 +69,7 @@ class BagRecord:
         from rosbags.serde import SerdeError
 
         try:
-            return self.store.deserialize_cdr(self.data, self.type)
+            return bag_types.deserialized(self.store, self.data, self.type)
         except (SerdeError, KeyError) as error:
             raise BagError(
                 f"topic {self.topic}, stamp {self.stamp_ns}: not a {self.type} ({error})"

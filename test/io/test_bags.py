@@ -100,7 +100,7 @@ def test_every_message_survives_a_bag_in_both_classes(tmp_path, name):
 def test_bytes_of_the_middleware_are_written_as_they_are(tmp_path):
     from rclpy.serialization import serialize_message
 
-    # Of nested messages this function, unlike a topic, appends a few bytes.
+    # This function, unlike a topic, may leave bytes behind the message: of nested ones many.
     scan = dataclasses.replace(examples.scan(), statements=())
     data = serialize_message(messages.scan_to_message(scan))
     with BagWriter(tmp_path / "bag", [SCANS]) as bag:

@@ -33,6 +33,7 @@ def table_of(h, focal=(1, 2, 4), seed=0):
         "log_score": rng.normal(size=h),
         "detection_numbers": np.zeros((h, 0), dtype=np.int64),
         "strength": np.zeros((h, 0)),
+        "extended": np.zeros((h, 0)),
     }
     return HypothesisTable(
         **values,

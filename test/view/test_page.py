@@ -161,6 +161,8 @@ def test_pause_stops_the_replay_and_play_goes_on(player, open_page):
         player.set_rate(10.0)  # two scans a second
         player.play()
         expect(page.locator("body")).not_to_have_attribute("data-scan", "0")
+        # Before the page knows that it plays, the key would say play.
+        expect(page.locator("#mode")).to_have_text("replay")
         page.keyboard.press(" ")
         expect(page.locator("#mode")).to_have_text("replay, paused")
         expect(page.get_by_role("button", name="Play")).to_be_visible()
