@@ -43,7 +43,6 @@ COLUMNS = 2
 STRONGEST_SIGNAL = 1e12
 LARGEST_DECIBEL = 120.0
 DECIBEL_OF_E = 10.0 / np.log(10.0)
-OUT_OF_RANGE = "signal_strength_out_of_range"
 
 
 def with_strengths(
@@ -86,7 +85,7 @@ def with_signals(scan: Scan, parameters: TrackManagerParameters, counters: Count
         values = 10.0 ** (np.minimum(values, LARGEST_DECIBEL + 1.0) / 10.0)
     wrong = known & ((values < p.signal_threshold) | (values > STRONGEST_SIGNAL))
     if wrong.any():
-        counters[OUT_OF_RANGE] += int(np.count_nonzero(wrong))
+        counters["signal_strength_out_of_range"] += int(np.count_nonzero(wrong))
     signal = np.clip(values, p.signal_threshold, STRONGEST_SIGNAL)
     return replace(scan, signal_strength=np.where(known, signal, np.nan))
 
