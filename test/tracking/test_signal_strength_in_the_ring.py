@@ -34,7 +34,6 @@ from gda_tracker.tracking.extraction import scan_increments
 from gda_tracker.tracking.initiation import NewTracks
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.signal_strength import (
-    OUT_OF_RANGE,
     STRONGEST_SIGNAL,
     prior,
     starts,
@@ -284,13 +283,13 @@ def test_impossible_strengths_are_counted_and_kept_within_bounds():
     ring = ring_of(**ON)
     for scan in one_target([9.0, -30.0, 1e300, 0.0]):
         result = ring.process(scan)
-    assert ring.manager.counters[OUT_OF_RANGE] == 3
+    assert ring.manager.counters["signal_strength_out_of_range"] == 3
     assert result.report.outcome == "tracked"
     assert np.isfinite(ring.manager.state.table.strength).all()
     assert result.tracks.signal_strength[0] < STRONGEST_SIGNAL
     in_decibel = ring_of(**ON, signal_strength_unit="decibel")
     in_decibel.process(one_target([1e300])[0])
-    assert in_decibel.manager.counters[OUT_OF_RANGE] == 1
+    assert in_decibel.manager.counters["signal_strength_out_of_range"] == 1
 
 
 def test_a_scan_without_strengths_leaves_them_alone():
