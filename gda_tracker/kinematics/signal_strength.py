@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import digamma, polygamma
@@ -42,6 +43,7 @@ class Strengths:
         return np.log(self.scale) - digamma(self.shape), polygamma(1, self.shape)
 
 
+@lru_cache(maxsize=64)
 def threshold(false_alarm_probability: float) -> float:
     """Lambda = -log P_F: noise alone exceeds it with the probability P_F.
 

@@ -64,7 +64,9 @@ def _m_of_n(
         table.history,
         table.age_scans,
         # Misses that a blind zone explains are none.
-        np.rint(table.coasted_scans - table.blind_scans).astype(np.int64),
+        np.rint(table.coasted_scans - table.blind_scans).astype(np.int64)
+        if table.blind_scans.any()
+        else table.coasted_scans,
         confirmation_hits=p.confirmation_hits,
         confirmation_scans=p.confirmation_scans,
         deletion_misses=p.deletion_misses,

@@ -79,9 +79,12 @@ class Tracks:
 
     def __post_init__(self) -> None:
         """Say of what tracks were made without that it is not known."""
+        count = len(self.track_id)
+        if not count:
+            return
         for name in NOT_KNOWN:
-            if not len(getattr(self, name)) and len(self.track_id):
-                setattr(self, name, np.full(len(self.track_id), np.nan))
+            if not len(getattr(self, name)):
+                setattr(self, name, np.full(count, np.nan))
 
     def __len__(self) -> int:
         return len(self.track_id)
