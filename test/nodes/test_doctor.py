@@ -253,7 +253,11 @@ def test_a_ring_that_is_open_where_a_topic_was_renamed(domain, doctor):
             ["--ros-args", "-r", "associations:=elsewhere"],
         ),
     ):
-        code, found, _ = doctor()
+        # A stage counts as silent only after seconds, which a busy machine may begin late.
+        for _ in range(4):
+            code, found, _ = doctor()
+            if {"topic_missing", "not_answered", "diagnostics"} <= set(found):
+                break
     assert code == 1
     (finding,) = found["topic_missing"]
     assert finding["subject"] == "/associations"
