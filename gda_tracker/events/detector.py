@@ -100,7 +100,7 @@ class TrackEventDetector:
         if self._splits is not None:
             findings, decisions = self._splits.step(states, confirmed, tracks.track_id)
             events += [self._design.event(found, states, decisions) for found in findings]
-        tested = self._with_due(_chosen(states, confirmed))
+        tested = self._with_due(states.select(confirmed))
         for test in self._tests:
             findings, decisions = test.step(tested)
             events += [self._design.event(found, tested, decisions) for found in findings]
@@ -183,15 +183,3 @@ def _positive_definite(covariance: FloatArray) -> BoolArray:
     smallest = np.linalg.eigvalsh(correlation)[:, 0]
     definite: BoolArray = positive & (smallest > 1e-12)
     return definite
-
-
-def _chosen(states: States, which: BoolArray) -> States:
-    return States(
-        states.stamp_ns,
-        states.track_id[which],
-        states.position[which],
-        states.velocity[which],
-        states.covariance[which],
-        states.detected[which],
-        states.due[which],
-    )

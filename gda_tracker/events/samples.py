@@ -45,6 +45,18 @@ class States:
     detected: BoolArray
     due: BoolArray
 
+    def select(self, which: BoolArray) -> States:
+        """Return those that ``which`` (N,) marks."""
+        return States(
+            self.stamp_ns,
+            self.track_id[which],
+            self.position[which],
+            self.velocity[which],
+            self.covariance[which],
+            self.detected[which],
+            self.due[which],
+        )
+
     def position_covariance(self) -> FloatArray:
         """Return (N, 2, 2) [m2]."""
         return self.covariance[:, :2, :2]

@@ -11,24 +11,11 @@ from gda_tracker.events.samples import States
 from gda_tracker.vocabulary.arrays import BoolArray
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
-__all__ = ["TracksRejected", "check_tracks", "chosen_states", "usable_states"]
+__all__ = ["TracksRejected", "check_tracks", "usable_states"]
 
 _SIZE = 4  # x, y, vx, vy
 # Of the correlations between place and velocity: what is below is not positive definite.
 _LEAST_EIGENVALUE = 1e-12
-
-
-def chosen_states(states: States, which: BoolArray) -> States:
-    """Return some of the states."""
-    return States(
-        states.stamp_ns,
-        states.track_id[which],
-        states.position[which],
-        states.velocity[which],
-        states.covariance[which],
-        states.detected[which],
-        states.due[which],
-    )
 
 
 def check_tracks(tracks: Tracks, epoch: int | None, system_uuid: bytes, last_ns: int) -> None:

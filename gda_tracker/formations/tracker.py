@@ -35,7 +35,6 @@ from gda_tracker.formations.parameters import FormationParameters
 from gda_tracker.formations.track_states import (
     TracksRejected,
     check_tracks,
-    chosen_states,
     usable_states,
 )
 from gda_tracker.vocabulary.arrays import IntArray
@@ -122,7 +121,7 @@ class FormationTracker:
         self._epoch, self._system_uuid = key.epoch, tracks.system_uuid
         self._last_ns, self._last_key = key.stamp_ns, key
         everyone, confirmed = usable_states(tracks, self.counters)
-        states = chosen_states(everyone, confirmed)
+        states = everyone.select(confirmed)
         events: list[FormationEvent] = []
         if scan is not None and predictions is not None:
             events += self._count(tracks, scan, predictions)
