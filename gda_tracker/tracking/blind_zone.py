@@ -87,8 +87,9 @@ def apply_zone(
         Those of the sensor.
     """
     zone = zone_of(opened.scan, parameters)
-    reweight(table, np.flatnonzero(~hit), zone, detected=False)
-    reweight(table, np.flatnonzero(hit), zone, detected=True)
+    if zone is not None:
+        reweight(table, np.flatnonzero(~hit), zone, detected=False)
+        reweight(table, np.flatnonzero(hit), zone, detected=True)
     count_blind(table, opened, parent, hit, zone)
 
 
@@ -106,7 +107,7 @@ def count_blind(
     if zone is not None and zone.detection_probability > 0.0:
         seen = opened.predictions.detection_probability[parent] / zone.detection_probability
         table.blind_scans = np.where(hit, 0.0, table.blind_scans + 1.0 - seen)
-    elif table.blind_scans.any():
+    elif np.count_nonzero(table.blind_scans):
         table.blind_scans = np.where(hit, 0.0, table.blind_scans)
 
 

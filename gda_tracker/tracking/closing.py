@@ -116,7 +116,8 @@ def _close_single(
 ) -> ClosedScan:
     """Close the open scan with one hypothesis for each track."""
     p, table = parameters, opened.table.copy()
-    state.couplings = Couplings()
+    if len(state.couplings):
+        state.couplings = Couplings()
     assigned = associations.assigned_detection
     if evidence is not None:
         table.use_frame(evidence.frame, evidence.class_names)

@@ -190,15 +190,18 @@ def scan_increments(
     """
     decided = associations
     rows, columns = decided.hypothesis, decided.detection
-    # Groups may have detections that are in no gate.
-    most = max(int(columns.max(initial=-1)), int(decided.assigned_detection.max(initial=-1)))
+    most = int(columns.max(initial=-1))
+    if len(decided.group_chosen):
+        # Groups may have detections that are in no gate.
+        most = max(most, int(decided.assigned_detection.max(initial=-1)))
     owner = np.full(most + 1, -1, dtype=np.int64)
     served = np.flatnonzero(decided.assigned_detection >= 0)
     owner[decided.assigned_detection[served]] = predictions.track_id[served]
     track = predictions.track_id[rows]
     own = (owner[columns] < 0) | (owner[columns] == track)
-    shares = decided.group_chosen.copy()
-    if shares.any():
+    shares = decided.group_chosen
+    sharing = np.count_nonzero(shares) > 0
+    if sharing:
         shared = np.isin(columns, decided.group_detection[shares])
         own &= ~shared
     attribute: FloatArray | float = 0.0
@@ -210,9 +213,9 @@ def scan_increments(
     log_ratio = pair_log_ratios(
         decided.kinematic_log_likelihood[own], clutter_density[rows], attribute, clutter
     )
-    if shares.any():
+    if sharing:
         # The detection of a group speaks for both members.
-        shares &= decided.group_detection >= 0
+        shares = shares & (decided.group_detection >= 0)
         members = np.concatenate([decided.group_first[shares], decided.group_second[shares]])
         likelihood = np.tile(decided.group_log_likelihood[shares], 2)
         rows = np.concatenate([rows, members])

@@ -109,7 +109,7 @@ def updated_by_groups(
 def assigned_alone(associations: Associations) -> Int32Array:
     """Detection of each hypothesis (H,) that has it for itself, -1 for the others."""
     assigned, shares = associations.assigned_detection, associations.group_chosen
-    if not shares.any():
+    if not np.count_nonzero(shares):
         return assigned
     alone = assigned.copy()
     alone[associations.group_first[shares]] = -1
@@ -121,6 +121,8 @@ def update_chosen_groups(
     table: HypothesisTable, predicted: HypothesisTable, scan: Scan, associations: Associations
 ) -> None:
     """Give the members of the groups that were decided for their states."""
+    if not len(associations.group_chosen):
+        return
     events = np.flatnonzero(associations.group_chosen & (associations.group_detection >= 0))
     if not len(events):
         return

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -136,15 +135,23 @@ class HypothesisTable:
 
     def select(self, rows: np.ndarray) -> HypothesisTable:
         """Return a table with the given rows or mask."""
-        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in ROW_FIELDS}
-        return replace(self, **columns)
+        if rows.dtype == np.bool_:
+            rows = np.flatnonzero(rows)
+        twin = object.__new__(HypothesisTable)
+        for name in WHOLE_FIELDS:
+            setattr(twin, name, getattr(self, name))
+        for name in ROW_FIELDS:
+            setattr(twin, name, getattr(self, name)[rows])
+        return twin
 
     def append(self, other: HypothesisTable) -> HypothesisTable:
         """Return a table with the rows of both; frames and classes must be equal."""
-        columns: dict[str, Any] = {
-            name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in ROW_FIELDS
-        }
-        return replace(self, **columns)
+        twin = object.__new__(HypothesisTable)
+        for name in WHOLE_FIELDS:
+            setattr(twin, name, getattr(self, name))
+        for name in ROW_FIELDS:
+            setattr(twin, name, np.concatenate((getattr(self, name), getattr(other, name))))
+        return twin
 
     def use_frame(self, frame: tuple[str, ...], class_names: tuple[str, ...]) -> None:
         """Make the beliefs speak of ``frame`` and ``class_names``.

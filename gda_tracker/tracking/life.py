@@ -65,7 +65,7 @@ def _m_of_n(
         table.age_scans,
         # Misses that a blind zone explains are none.
         np.rint(table.coasted_scans - table.blind_scans).astype(np.int64)
-        if table.blind_scans.any()
+        if np.count_nonzero(table.blind_scans)
         else table.coasted_scans,
         confirmation_hits=p.confirmation_hits,
         confirmation_scans=p.confirmation_scans,

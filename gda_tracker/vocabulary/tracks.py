@@ -82,9 +82,11 @@ class Tracks:
         count = len(self.track_id)
         if not count:
             return
-        for name in NOT_KNOWN:
-            if not len(getattr(self, name)):
-                setattr(self, name, np.full(count, np.nan))
+        missing = [name for name in NOT_KNOWN if not len(getattr(self, name))]
+        if missing:
+            unknown = np.full(count, np.nan)
+            for name in missing:
+                setattr(self, name, unknown)
 
     def __len__(self) -> int:
         return len(self.track_id)
