@@ -16,6 +16,7 @@ import pytest
 import yaml
 
 from gda_tracker.commands import run
+from gda_tracker.commands.run_nodes import what_runs
 from gda_tracker.errors import UserError
 from gda_tracker.io.launch_plan import (
     DEMO_ARGUMENTS,
@@ -142,7 +143,7 @@ def test_run_gives_input_and_output_the_parameters_of_the_file(tmp_path):
         "autoware_classes": ["cargo=TRUCK"],
         "tracked_objects": "tracked_objects",
     }
-    assert run._what(found) == "four nodes and the radar input and the track output"
+    assert what_runs(found) == "four nodes and the radar input and the track output"
 
 
 def test_run_gives_the_markers_their_parameters(tmp_path):
@@ -153,7 +154,7 @@ def test_run_gives_the_markers_their_parameters(tmp_path):
     assert "markers" not in run._parameters(parser.parse_args(["--params", str(file)]))
     found = run._parameters(parser.parse_args(["--params", str(file), "--markers"]))
     assert found["markers"] == {"scale": 20.0}
-    assert run._what(found) == "four nodes and the markers"
+    assert what_runs(found) == "four nodes and the markers"
 
 
 def test_events_are_started_with_their_file_which_is_read_first(tmp_path):
@@ -165,7 +166,7 @@ def test_events_are_started_with_their_file_which_is_read_first(tmp_path):
     assert run._parameters(parser.parse_args(["--events"]))["track_events"] == {}
     found = run._parameters(parser.parse_args(["--events", str(file)]))
     assert found["track_events"] == {"context_file": str(file)}
-    assert run._what(found) == "four nodes and the events"
+    assert what_runs(found) == "four nodes and the events"
     values = {a.name: a.default for a in TRACKER_ARGUMENTS}
     for given, own, words in (
         ("true", {}, ["--events"]),
@@ -192,7 +193,7 @@ def test_formations_are_started_with_the_parameters_of_the_file(tmp_path):
     assert "track_formations" not in run._parameters(parser.parse_args([]))
     found = run._parameters(parser.parse_args(["--formations", "--params", str(file)]))
     assert found["track_formations"] == {"largest_number": 4}
-    assert run._what(found) == "four nodes and the formations"
+    assert what_runs(found) == "four nodes and the formations"
     values = {a.name: a.default for a in TRACKER_ARGUMENTS}
     plan = tracker_plan({**values, "formations": "true"}, {})
     assert plan.nodes[-1].executable == "track_formations"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from pathlib import Path
 
 from gda_tracker.commands.options import (
@@ -21,6 +20,7 @@ from gda_tracker.commands.options import (
     node_of_file,
     radar_input_of_file,
 )
+from gda_tracker.commands.run_nodes import run_in_one_process, run_in_processes
 from gda_tracker.errors import UserError
 from gda_tracker.io.asterix.udp import is_udp, parse_udp
 from gda_tracker.io.radar.file_kinds import ASTERIX
@@ -28,8 +28,6 @@ from gda_tracker.io.radar.presets import OF_FILES
 from gda_tracker.tracking.ring import STAGE_TABLES
 
 OUTPUTS = ("radar_tracks", "detections_3d", "tracked_objects")
-RESTART_WINDOW_S = 60.0
-RESTARTS_ALLOWED = 5
 # To guess the preset: wait for a first message, then look for so long.
 WAIT_S, LOOK_S = 30.0, 1.0
 
@@ -120,8 +118,8 @@ def run(args: argparse.Namespace) -> int:
     remap = ["-r", f"__ns:=/{args.namespace.strip('/')}"] if args.namespace else []
     try:
         if args.processes:
-            return _run_processes(parameters, remap, args.bag)
-        return _run_nodes(parameters, remap, args.bag)
+            return run_in_processes(parameters, remap, args.bag)
+        return run_in_one_process(parameters, remap, args.bag)
     except (KeyboardInterrupt, ExternalShutdownException):
         return 0  # the usual end
 
@@ -208,141 +206,3 @@ def _guessed_preset(topic: str) -> str:
             f"gda-tracker inspect {topic} --yaml FILE"
         )
     return found
-
-
-def _recorder(parameters: Parameters, bag: str | None, **options: object) -> list[object]:
-    if not bag:
-        return []
-    from gda_tracker.io.track_outputs import FORMATS
-    from gda_tracker.nodes.recorder import RecorderNode
-
-    of_output = parameters.get(TRACK_OUTPUT, {})
-    also = [
-        f"{of_output[name]}={kind}" for name, (kind, _) in FORMATS.items() if of_output.get(name)
-    ]
-    if MARKERS in parameters:
-        from gda_tracker.io.markers.parameters import marker_topics
-
-        also += marker_topics()
-    return [RecorderNode({"bag": bag, "also": also}, **options)]
-
-
-def _beside_the_ring(parameters: Parameters, **options: object) -> list[object]:
-    """Input and output, as far as they are asked for."""
-    found: list[object] = []
-    if RADAR_INPUT in parameters:
-        from gda_tracker.nodes.radar_input import RadarInputNode
-
-        found.append(RadarInputNode(parameters[RADAR_INPUT], **options))
-    if TRACK_OUTPUT in parameters:
-        from gda_tracker.nodes.track_output import TrackOutputNode
-
-        found.append(TrackOutputNode(parameters[TRACK_OUTPUT], **options))
-    if MARKERS in parameters:
-        from gda_tracker.nodes.markers import MarkersNode
-
-        found.append(MarkersNode(parameters[MARKERS], **options))
-    if SET_VALUED_TRACKER in parameters:
-        from gda_tracker.nodes.set_valued_tracker import SetValuedTrackerNode
-
-        found.append(SetValuedTrackerNode(parameters[SET_VALUED_TRACKER], **options))
-    if TRACK_EVENTS in parameters:
-        from gda_tracker.nodes.track_events import TrackEventsNode
-
-        found.append(TrackEventsNode(parameters[TRACK_EVENTS], **options))
-    if TRACK_FORMATIONS in parameters:
-        from gda_tracker.nodes.track_formations import TrackFormationsNode
-
-        found.append(TrackFormationsNode(parameters[TRACK_FORMATIONS], **options))
-    return found
-
-
-def _what(parameters: Parameters) -> str:
-    names = {
-        RADAR_INPUT: "the radar input",
-        TRACK_OUTPUT: "the track output",
-        MARKERS: "the markers",
-        SET_VALUED_TRACKER: "the set-valued tracker",
-        TRACK_EVENTS: "the events",
-        TRACK_FORMATIONS: "the formations",
-    }
-    return " and ".join(
-        ["four nodes", *(text for node, text in names.items() if node in parameters)]
-    )
-
-
-def _waits(parameters: Parameters) -> str:
-    topic = parameters.get(RADAR_INPUT, {}).get("input_topic", "detections")
-    return f"waiting for {topic}; Ctrl-C ends"
-
-
-def _run_nodes(parameters: Parameters, remap: list[str], bag: str | None) -> int:
-    from gda_tracker.nodes.runner import Nodes, stage_nodes
-
-    arguments = ["--ros-args", *remap] if remap else None
-
-    def make(**options: object) -> list[object]:
-        return [
-            *stage_nodes(parameters, **options),
-            *_beside_the_ring(parameters, **options),
-            *_recorder(parameters, bag, **options),
-        ]
-
-    with Nodes(make, arguments=arguments) as nodes:
-        print(f"gda-tracker run: {_what(parameters)} in one process, {_waits(parameters)}")
-        sys.stdout.flush()
-        nodes.spin_until(lambda: not nodes.context.ok())
-    return 0
-
-
-def _run_processes(parameters: Parameters, remap: list[str], bag: str | None) -> int:
-    from gda_tracker.nodes.runner import STAGES, Nodes, RingProcesses
-
-    restarts: list[float] = []
-
-    def watch() -> None:
-        for stage, process in list(ring.processes.items()):
-            code = process.poll()
-            if code is None:
-                continue
-            now = time.monotonic()
-            restarts[:] = [t for t in restarts if now - t < RESTART_WINDOW_S] + [now]
-            if code == 2 or len(restarts) > RESTARTS_ALLOWED:
-                raise _GivenUp(f"node {stage} ended with code {code}")
-            print(
-                f"gda-tracker run: node {stage} ended with code {code}, restarted", file=sys.stderr
-            )
-            ring.start(stage)
-
-    possible = (
-        RADAR_INPUT,
-        TRACK_OUTPUT,
-        MARKERS,
-        SET_VALUED_TRACKER,
-        TRACK_EVENTS,
-        TRACK_FORMATIONS,
-    )
-    beside = [node for node in possible if node in parameters]
-    stages = (*STAGES, *beside)
-    with RingProcesses(parameters, arguments=remap, stages=stages) as ring:
-        print(f"gda-tracker run: {len(stages)} processes, {_waits(parameters)}")
-        sys.stdout.flush()
-        try:
-            if bag:
-                arguments = ["--ros-args", *remap] if remap else None
-                with Nodes(
-                    lambda **options: _recorder(parameters, bag, **options), arguments=arguments
-                ) as nodes:
-                    nodes.spin_until(lambda: not nodes.context.ok(), watch=watch)
-            else:
-                while True:
-                    watch()
-                    time.sleep(0.2)
-        except _GivenUp as error:
-            print(f"gda-tracker run: {error}", file=sys.stderr)
-            return 1
-    return 0
-
-
-class _GivenUp(RuntimeError):
-    """A node does not stay up."""

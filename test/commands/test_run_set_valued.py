@@ -8,6 +8,7 @@ import pytest
 
 from gda_tracker.commands import run
 from gda_tracker.commands.options import SET_VALUED_TRACKER
+from gda_tracker.commands.run_nodes import what_runs
 from gda_tracker.io.launch_plan import TRACKER_ARGUMENTS, tracker_plan
 from gda_tracker.io.parameter_files import ParameterFileError
 from gda_tracker.resources import resource
@@ -22,7 +23,7 @@ def parameters_of(*words):
 def test_the_node_starts_when_asked_for_with_the_parameters_of_the_file(tmp_path):
     assert SET_VALUED_TRACKER not in parameters_of()
     assert parameters_of("--set-valued")[SET_VALUED_TRACKER] == {}
-    assert run._what(parameters_of("--set-valued")) == "four nodes and the set-valued tracker"
+    assert what_runs(parameters_of("--set-valued")) == "four nodes and the set-valued tracker"
     path = tmp_path / "sets.yaml"
     path.write_text("/**/set_valued_tracker:\n  ros__parameters:\n    theta: 4.0\n")
     assert SET_VALUED_TRACKER not in parameters_of("--params", str(path))
