@@ -13,9 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gda_tracker.association.global_hypotheses import LOG_VANISHING
-from gda_tracker.association.group_events import LEAST_UNRESOLVED
-from gda_tracker.association.unresolved import resolution_covariance
-from gda_tracker.kinematics.gating import gate_threshold
+from gda_tracker.association.unresolved import LEAST_UNRESOLVED, resolution_covariance
 from gda_tracker.kinematics.groups_of_three import three_log_likelihood, way_probabilities
 from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.tracking.hypotheses import HypothesisTable
@@ -133,7 +131,8 @@ def _of_three(
         resolution,
         detection,
     )
-    inside = squared <= gate_threshold(settings.gate_probability)
+    # The chi-square quantile of two degrees of freedom.
+    inside = squared <= -2.0 * np.log1p(-settings.gate_probability)
     parent = np.concatenate([np.arange(len(rows)), parent[inside]])
     detection = np.concatenate([np.full(len(rows), -1), detection[inside]])
     log_likelihood = np.concatenate([np.zeros(len(rows)), log_likelihood[inside]])
