@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gda_tracker.association.unresolved import (
+    LEAST_UNRESOLVED,
     expected_unresolved_probability,
     resolution_covariance,
 )
@@ -29,8 +30,6 @@ from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.hypotheses import Associations, Predictions
 from gda_tracker.vocabulary.scans import Scan
 
-LEAST_UNRESOLVED = 0.01
-"""Pairs less probably unresolved are taken as resolved."""
 MOST_UNRESOLVED = 1.0 - 1e-9
 
 

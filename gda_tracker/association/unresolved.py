@@ -30,6 +30,8 @@ import numpy as np
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 
 MAX_TARGETS = 3
+LEAST_UNRESOLVED = 0.01
+"""In the ring groups less probable are taken as resolved."""
 # An interpretation whose terms cancel to less than this share of their sizes has no weight.
 LEAST_REST = 1e-7
 

@@ -44,12 +44,13 @@ class GroupInnovations:
         residual = self.mean + (gain @ self.difference[:, :, None])[:, :, 0]
         total = 0.25 * (self.first + self.second) + self.noise
         total = total - gain @ np.swapaxes(between, -1, -2)
-        return _squared_and_density(residual, total)
+        return squared_and_density(residual, total)
 
 
-def _squared_and_density(
+def squared_and_density(
     residual: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
+    """Squared distance and log density (E,) of residuals (E, 2) with covariances (E, 2, 2)."""
     solved = np.linalg.solve(covariance, residual[:, :, None])[:, :, 0]
     squared = np.sum(residual * solved, axis=1)
     return squared, -0.5 * (squared + np.linalg.slogdet(covariance)[1]) - LOG_TWO_PI
@@ -86,25 +87,42 @@ def updated_members(
     partner_covariance: FloatArray,
     detection: Int32Array | IntArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Update E states by the detections of groups with E partners.
+    """Update E states by the detections of groups with n - 1 partners each.
 
-    W = P1 H1' / 2 S_g^-1 with S_g = (H1 P1 H1' + H2 P2 H2') / 4 + R: the detection tells half of
-    each member's place.
+    W = P1 H1' / n S_g^-1 with S_g = sum_i Hi Pi Hi' / n^2 + R: the detection tells a share of each
+    member's place.
+
+    Parameters
+    ----------
+    measurements
+        Of the scan.
+    mean, covariance
+        (E, s), (E, s, s).
+    partner_mean, partner_covariance
+        (E, n - 1, s), (E, n - 1, s, s).
+    detection
+        (E,) rows of the scan.
 
     Returns
     -------
     mean, covariance, log_likelihood
-        (E, s), (E, s, s), (E,) log N(z; (h(x1) + h(x2)) / 2, S_g).
+        (E, s), (E, s, s), (E,) log N(z; sum_i h(xi) / n, S_g).
     """
     columns = detection.astype(np.int32)
     noise = measurements.covariance[columns]
     one: Innovations = innovations(measurements, mean, covariance, columns)
-    two = innovations(measurements, partner_mean, partner_covariance, columns)
-    residual = 0.5 * (one.residual + two.residual)
-    total = 0.25 * (one.covariance + two.covariance - 2.0 * noise) + noise
-    _, log_likelihood = _squared_and_density(residual, total)
-    half = 0.5 * one.jacobian(mean.shape[1])
-    gain = np.swapaxes(np.linalg.solve(total, half @ covariance), -1, -2)
+    residual, total = one.residual, one.covariance
+    for place in range(partner_mean.shape[1]):
+        other = innovations(
+            measurements, partner_mean[:, place], partner_covariance[:, place], columns
+        )
+        residual, total = residual + other.residual, total + other.covariance
+    count = float(partner_mean.shape[1] + 1)
+    residual = residual / count
+    total = (total - count * noise) / (count * count) + noise
+    _, log_likelihood = squared_and_density(residual, total)
+    share = one.jacobian(mean.shape[1]) / count
+    gain = np.swapaxes(np.linalg.solve(total, share @ covariance), -1, -2)
     moved = mean + (gain @ residual[:, :, None])[:, :, 0]
     reduced = covariance - gain @ total @ np.swapaxes(gain, -1, -2)
     return moved, 0.5 * (reduced + np.swapaxes(reduced, -1, -2)), log_likelihood

@@ -170,11 +170,21 @@ def followed_increments(
     return increments
 
 
+@dataclass(frozen=True, slots=True)
+class GroupMembers:
+    """Hypotheses ``rows`` (K,) that share ``detection`` (K,), with the group's log likelihood."""
+
+    rows: IntArray
+    detection: IntArray
+    log_likelihood: FloatArray
+
+
 def scan_increments(
     predictions: Predictions,
     scores: AttributeScores | None,
     associations: Associations,
     clutter_density: FloatArray,
+    of_three: GroupMembers | None = None,
 ) -> FloatArray:
     """What an associated scan adds to the log ratio of each hypothesis (H,).
 
@@ -187,6 +197,8 @@ def scan_increments(
         Of the same scan. Without scores, or if they were given up, kinematics alone speak.
     clutter_density
         (H,) rho_F around each hypothesis [1/(m rad)].
+    of_three
+        Members of the chosen groups of three, which the associations do not know.
     """
     decided = associations
     rows, columns = decided.hypothesis, decided.detection
@@ -204,6 +216,8 @@ def scan_increments(
     if sharing:
         shared = np.isin(columns, decided.group_detection[shares])
         own &= ~shared
+    if of_three is not None:
+        own &= ~np.isin(columns, of_three.detection)
     attribute: FloatArray | float = 0.0
     clutter: FloatArray | float = 0.0
     if scores is not None and not decided.degraded:
@@ -222,6 +236,9 @@ def scan_increments(
         log_ratio = np.concatenate(
             [log_ratio, pair_log_ratios(likelihood, clutter_density[members])]
         )
+    if of_three is not None:
+        more = pair_log_ratios(of_three.log_likelihood, clutter_density[of_three.rows])
+        rows, log_ratio = np.concatenate([rows, of_three.rows]), np.concatenate([log_ratio, more])
     return summed_increments(
         predictions.detection_probability,
         predictions.settings.gate_probability,

@@ -68,7 +68,9 @@ def updated_by_groups(
     partners: IntArray | Int32Array,
     detection: IntArray | Int32Array,
 ) -> HypothesisTable:
-    """Rows (K,) of a predicted table, updated as members of groups with ``partners`` (K,).
+    """Rows (K,) of a predicted table, updated as members of groups with ``partners``.
+
+    ``partners`` (K,) of groups of two, (K, 2) of groups of three.
 
     Range rates of a group's detection are left out: they are of both.
     """
@@ -76,7 +78,8 @@ def updated_by_groups(
     if not len(found):
         return found
     measurements = polar_measurements(scan)
-    mean, covariance = predicted.mean[partners], predicted.covariance[partners]
+    others = partners.reshape(len(rows), -1)
+    mean, covariance = predicted.mean[others], predicted.covariance[others]
     count = found.model_weight.shape[1]
     if not count:
         found.mean, found.covariance, _ = updated_members(

@@ -13,8 +13,19 @@ from group_histories import Radar, joint_scan, predicted
 from tracking_examples import SECOND, initial_tracks
 
 from gda_tracker.association.group_joint import disjoint_sets
-from gda_tracker.association.unresolved import ResolutionSensor, structure, terms
+from gda_tracker.association.unresolved import (
+    ResolutionSensor,
+    resolution_hypotheses,
+    structure,
+    terms,
+)
 from gda_tracker.kinematics.group_updates import GroupInnovations
+from gda_tracker.kinematics.groups_of_three import (
+    given_links,
+    three_log_likelihood,
+    way_probabilities,
+)
+from gda_tracker.kinematics.sensor_models import PolarMeasurements
 from gda_tracker.tracking.answers import check_answers
 from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary import Detections
@@ -191,3 +202,58 @@ def test_sets_of_disjoint_groups():
     chain = disjoint_sets(np.array([0, 1, 2]), np.array([1, 2, 3]))
     assert chain.tolist()[-1] == [True, False, True]
     assert len(chain) == 5
+
+
+def test_three_are_one_group_as_often_as_the_groupings_say():
+    u = np.array([[0.9, 0.5, 0.2], [0.3, 0.0, 0.4]])
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    sums = {}
+    for parts, polynomial in resolution_hypotheses(3).items():
+        terms_of = [
+            c * np.prod([u[:, pairs.index(pair)] for pair in edges], axis=0)
+            for edges, c in polynomial.items()
+        ]
+        sums[len(parts)] = sums.get(len(parts), 0.0) + sum(terms_of)
+    np.testing.assert_allclose(way_probabilities(u).sum(axis=1), sums[1], atol=1e-12)
+    np.testing.assert_allclose(sums[1] + sums[2] + sums[3], 1.0)
+
+
+def test_the_detection_of_three_has_a_density():
+    rng = np.random.default_rng(2)
+    place = np.array([3000.0, 1000.0]) + rng.normal(0.0, 30.0, (3, 2))
+    mean = np.concatenate([place, np.zeros((3, 2))], axis=1)
+    covariance = rng.uniform(0.5, 2.0, (3, 1, 1)) * np.diag([400.0, 900.0, 60.0, 60.0])
+    polar = np.stack([np.hypot(*place.T), np.arctan2(place[:, 1], place[:, 0])], axis=1)
+    step = np.array([6.0, 0.0015])
+    centre = polar.mean(axis=0)
+    grid = np.stack(np.meshgrid(*[np.arange(-40, 41)] * 2), axis=-1).reshape(-1, 2)
+    z = centre + grid * step
+    noise = np.broadcast_to(np.diag([15.0**2, 0.005**2]), (len(z), 2, 2))
+    measurements = PolarMeasurements(z[:, 0], z[:, 1], noise, np.zeros(2), None)
+    many = (len(z), 1, 1)
+    u = np.array([[0.8, 0.3, 0.6], [0.8, 0.0, 0.6]])
+    resolution = np.diag([50.0**2, 0.03**2])
+    for unresolved in u:
+        _, log_density = three_log_likelihood(
+            measurements,
+            np.tile(mean[None], many),
+            np.tile(covariance[None], (*many, 1)),
+            np.tile(unresolved, (len(z), 1)),
+            resolution,
+            np.arange(len(z)),
+        )
+        assert np.exp(log_density).sum() * step.prod() == pytest.approx(1.0, abs=1e-3)
+
+
+def test_links_of_two_are_those_of_the_pair():
+    rng = np.random.default_rng(3)
+    draw = rng.normal(size=(4, 3, 2, 2))
+    first, second, noise = (draw @ draw.swapaxes(-1, -2) + np.eye(2)).transpose(1, 0, 2, 3)
+    residual, resolution = rng.normal(size=(4, 2, 2)), np.diag([2.0, 1.5])
+    pair = GroupInnovations(
+        residual.mean(axis=1), residual[:, 1] - residual[:, 0], first, second, noise
+    )
+    found = given_links(
+        residual, np.stack([first, second], axis=1), noise, np.array([[1.0, -1.0]]), resolution
+    )
+    np.testing.assert_allclose(found, pair.given_unresolved(resolution), rtol=1e-12)

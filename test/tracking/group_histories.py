@@ -101,8 +101,66 @@ def group(one, two, z, radar):
     return both - alone, distance - short, states
 
 
-def joint_scan(states, scan, radar):
-    """All joint hypotheses of one scan.
+def group_of_three(members, links, z, radar):
+    """Log density of the detection of three, squared distance, new states and probability.
+
+    ``links`` are P_u by pair. For each way to be linked the stacked measurement (mean of all,
+    distances of the linked), as in :func:`group`.
+    """
+    places, jacobians, spreads = zip(*(seen(*one) for one in members), strict=True)
+    r_u = np.diag(np.square(radar.resolution)) / (2 * math.log(2))
+    stacked, whole = np.concatenate(places), np.zeros((6, 6))
+    for i, spread in enumerate(spreads):
+        whole[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = spread
+    middle = np.hstack([np.eye(2)] * 3) / 3
+    density, least, total = -math.inf, math.inf, 0.0
+    pairs = list(itertools.combinations(range(3), 2))
+    for way in (pairs, pairs[:2], pairs[::2], pairs[1:]):
+        share = math.prod(
+            links.get(pair, 0.0) if pair in way else 1 - links.get(pair, 0.0) for pair in pairs
+        )
+        if not share:
+            continue
+        total += share
+        apart = np.zeros((2 * len(way), 6))
+        for row, (a, b) in enumerate(way):
+            apart[2 * row : 2 * row + 2, 2 * a : 2 * a + 2] = np.eye(2)
+            apart[2 * row : 2 * row + 2, 2 * b : 2 * b + 2] = -np.eye(2)
+        far = np.kron(np.eye(len(way)), r_u)
+        alone, short = gaussian(apart @ stacked, apart @ whole @ apart.T + far)
+        every = np.vstack([middle, apart])
+        error = np.block([[noise(radar), np.zeros((2, len(far)))], [np.zeros((len(far), 2)), far]])
+        measured = np.concatenate([z, np.zeros(len(far))])
+        both, distance = gaussian(measured - every @ stacked, every @ whole @ every.T + error)
+        density = np.logaddexp(density, math.log(share) + both - alone)
+        least = min(least, distance - short)
+    joint = np.zeros((12, 12))
+    for i, (_, p) in enumerate(members):
+        joint[4 * i : 4 * i + 4, 4 * i : 4 * i + 4] = p
+    wide = np.hstack(jacobians) / 3
+    gain = joint @ wide.T @ np.linalg.inv(wide @ joint @ wide.T + noise(radar))
+    mean = np.concatenate([x for x, _ in members]) + gain @ (z - middle @ stacked)
+    after = joint - gain @ wide @ joint
+    rows = [slice(4 * i, 4 * i + 4) for i in range(3)]
+    return density - math.log(total), least, [(mean[r], after[r, r]) for r in rows], total
+
+
+def whole_group(states, scan, radar, links):
+    """All of three tracks as one group: its joint hypotheses, as :func:`joint_scan` gives them."""
+    total = group_of_three(states, links, scan[0], radar)[3]
+    if total <= LEAST:
+        return
+    name = tuple(range(3))
+    yield math.log(total * (1 - radar.p_group)), (-1,) * 3, {name: -1}, list(states)
+    for j, z in enumerate(scan):
+        density, d2, after, _ = group_of_three(states, links, np.array(z), radar)
+        if d2 <= radar.gate:
+            log_weight = math.log(total * radar.p_group / radar.clutter) + density
+            yield log_weight, (j,) * 3, {name: j}, after
+
+
+def joint_scan(states, scan, radar, threes=False):
+    """All joint hypotheses of one scan; ``threes``: three tracks may be one group.
 
     Yields the log weight against false alarms, the detection of each track, the groups as
     {(a, b): detection or -1}, and the states after it.
@@ -113,6 +171,8 @@ def joint_scan(states, scan, radar):
         for pair in itertools.combinations(range(n), 2)
     }
     links = {pair: value for pair, value in links.items() if value}
+    if threes and len(links) > 1:
+        yield from whole_group(states, scan, radar, links)
     for size in range(len(links) + 1):
         for groups in itertools.combinations(links, size):
             members = [m for pair in groups for m in pair]

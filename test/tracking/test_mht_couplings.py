@@ -1,8 +1,5 @@
 """Hypothesis trees with shared detections: every joint history, weight and probability."""
 
-import itertools
-import math
-
 import numpy as np
 import pytest
 from group_histories import Radar, joint_scan, predicted
@@ -11,7 +8,7 @@ from tracking_examples import SECOND, initial_tracks
 
 from gda_tracker.tracking import checkpoint
 from gda_tracker.tracking.mht import compounds as compounds_module
-from gda_tracker.tracking.mht import shared_branches
+from gda_tracker.tracking.mht import shared_branches, threes
 from gda_tracker.tracking.mht.compounds import coupled_global_hypothesis
 from gda_tracker.tracking.mht.couplings import components, coupled_tracks, together
 from gda_tracker.tracking.mht.growth import ranks
@@ -65,7 +62,7 @@ def fed(ring, mean, covariance, scans):
     return result
 
 
-def joint_histories(mean, covariance, scans, together=True):
+def joint_histories(mean, covariance, scans, together=True, threes=False):
     """Log weights and states of all joint histories.
 
     That a group gave nothing changes no state: ``together`` it is one history with two misses.
@@ -75,7 +72,7 @@ def joint_histories(mean, covariance, scans, together=True):
         following = {}
         for weight, key, states in level:
             moved = [predicted(x, p, RADAR) for x, p in states]
-            for more, detection, groups, after in joint_scan(moved, scan, RADAR):
+            for more, detection, groups, after in joint_scan(moved, scan, RADAR, threes):
                 shared = frozenset(pair for pair, j in groups.items() if j >= 0 or not together)
                 name = (*key, (detection, shared))
                 total = np.logaddexp(following.get(name, (-np.inf,))[0], weight + more)
@@ -129,34 +126,35 @@ def test_two_tracks_have_every_joint_history(monkeypatch, n_scans, most):
     assert shared
 
 
-def test_three_tracks_have_every_joint_history_of_a_scan(monkeypatch):
-    monkeypatch.setattr(compounds_module, "MOST_PAIRS", 10_000_000)
-    for seed in range(3):
-        mean, covariance, scans = case(50 + seed, 3, 1, 2)
-        known = joint_histories(mean, covariance, scans, together=False)
+@pytest.mark.parametrize(("n_scans", "most", "seeds"), [(1, 2, 3), (2, 1, 2)])
+def test_three_tracks_have_every_joint_history(monkeypatch, n_scans, most, seeds):
+    for name in ("MOST_PAIRS", "MOST_COMPOUNDS"):
+        monkeypatch.setattr(compounds_module, name, 10_000_000)
+    for module, name in ((threes, "MOST_PARENTS"), (threes, "MOST_EVENTS_OF_THREE")):
+        monkeypatch.setattr(module, name, 10_000_000)
+    monkeypatch.setattr(shared_branches, "MOST_EVENTS", 10_000)
+    of_three = 0
+    for seed in range(seeds):
+        mean, covariance, scans = case(50 + seed, 3, n_scans, most)
+        known = joint_histories(mean, covariance, scans, together=False, threes=True)
+        of_three += sum(any(len(g) == 3 for _, groups in one[1] for g in groups) for one in known)
         ring = ring_of(**UNPRUNED)
         fed(ring, mean, covariance, scans)
         table = ring.manager.state.table
         track = ranks(table.track_id)
         coupled = coupled_tracks(ring.manager.state.couplings, table.hypothesis_id, track)
-        factor = {(pair.first, pair.second): pair.log_factor for pair in coupled}
-        rows = [np.flatnonzero(track == t) for t in range(3)]
-        found = []
-        for one in itertools.product(*(range(len(r)) for r in rows)):
-            value = sum(table.log_score[r[i]] for r, i in zip(rows, one, strict=True))
-            for (a, b), between in factor.items():
-                value += between[one[a], one[b]]
-            apart = [(a, b) for a, b in itertools.combinations(range(3), 2) if (a, b) not in factor]
-            for a, b in apart:
-                used = table.detection_numbers[[rows[a][one[a]], rows[b][one[b]]], 0]
-                value += -math.inf if used[0] == used[1] >= 0 else 0.0
-            if value > -math.inf:
-                found.append(value)
+        _, found = compounds_module.compounds(
+            (0, 1, 2), coupled, table.log_score, track, table.detection_numbers
+        )
+        # That a group of three or two gave nothing changes no state, but is a branch.
         weights = np.sort([one[0] for one in known])
-        np.testing.assert_allclose(np.sort(found), weights, atol=1e-8)
+        np.testing.assert_allclose(np.sort(found), weights, atol=1e-7)
         best = max(known, key=lambda one: one[0])
-        chosen = table.mean[table.chosen]
-        np.testing.assert_allclose(chosen, [x for x, _ in best[2]], rtol=1e-9)
+        chosen = np.flatnonzero(table.chosen)
+        for row, (x, p) in zip(chosen, best[2], strict=True):
+            np.testing.assert_allclose(table.mean[row], x, rtol=1e-9)
+            np.testing.assert_allclose(table.covariance[row], p, rtol=1e-6, atol=1e-6)
+    assert of_three
 
 
 def test_couplings_end_after_the_window():

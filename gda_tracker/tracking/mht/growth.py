@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,9 +14,8 @@ from gda_tracker.tracking.answers import Inconsistent
 from gda_tracker.tracking.blind_zone import apply_zone
 from gda_tracker.tracking.existence import log_room
 from gda_tracker.tracking.extended.updates import update_extents
-from gda_tracker.tracking.extraction import scan_increments
+from gda_tracker.tracking.extraction import GroupMembers, scan_increments
 from gda_tracker.tracking.gaussian_sums import merge_components
-from gda_tracker.tracking.group_update import put_states, updated_by_groups
 from gda_tracker.tracking.history_window import remember
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.life import judge
@@ -31,8 +30,10 @@ from gda_tracker.tracking.mht.couplings import (
     settle_couplings,
 )
 from gda_tracker.tracking.mht.generations import Generation, ancestors, rows_of
+from gda_tracker.tracking.mht.members import decided_answer, update_members
 from gda_tracker.tracking.mht.pruning import Nearness, leaves_in_all, merge
 from gda_tracker.tracking.mht.shared_branches import SharedBranches, nothing_shared, share
+from gda_tracker.tracking.mht.threes import no_events_of_three
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.signal_strength import update_strengths
 from gda_tracker.tracking.state_update import count_detections, set_beliefs, update_states
@@ -138,6 +139,7 @@ def grow(
         shared = share(
             branches,
             opened.table,
+            opened.scan,
             opened.predictions,
             associations,
             couplings,
@@ -155,15 +157,11 @@ def grow(
     table.parent_id = opened.table.hypothesis_id[branches.parent]
     table.hypothesis_id = np.arange(len(table), dtype=np.int64)
     used = branches.detection.astype(np.int32)
-    partner, event = decided.partner, decided.event
-    alone = np.where(partner >= 0, -1, branches.detection).astype(np.int32)
+    event = decided.event
+    alone = np.where(event >= 0, -1, branches.detection).astype(np.int32)
     update_states(table, opened.scan, alone, parameters.use_range_rate)
-    sharing = np.flatnonzero((partner >= 0) & (used >= 0))
-    if len(sharing):
-        members = updated_by_groups(
-            opened.table, opened.scan, branches.parent[sharing], partner[sharing], used[sharing]
-        )
-        put_states(table, sharing, members)
+    if shared is not None:
+        update_members(table, opened.table, opened.scan, branches, decided.partner)
     apply_zone(table, opened, branches.parent, used >= 0, parameters)
     update_strengths(table, opened.scan, used, parameters.signal_threshold)
     if evidence is not None:
@@ -188,11 +186,9 @@ def grow(
         table = merge(table, nearness, held_rows(decided.couplings, len(table)))
     assigned = np.full(len(opened.table), -1, dtype=np.int32)
     assigned[branches.parent[chosen]] = used[chosen]
-    answer = replace(associations, assigned_detection=assigned)
-    if (event >= 0).any():
-        answer.group_chosen = np.zeros(len(associations.group_first), dtype=np.bool_)
-        answer.group_chosen[event[chosen & (event >= 0)]] = True
-    return _live_and_end(opened, table, scores, answer, p, decided.couplings)
+    threes = no_events_of_three() if shared is None else shared.threes
+    answer, of_three = decided_answer(associations, assigned, event[chosen], threes)
+    return _live_and_end(opened, table, scores, answer, p, decided.couplings, of_three)
 
 
 def coast(
@@ -229,7 +225,7 @@ class Decided:
 
     ``chosen`` (B,) are in the best global hypothesis; ``log_room`` (B,) is how much room the other
     tracks leave the branch's one (:func:`~gda_tracker.tracking.existence.log_room`); ``partner``,
-    ``event`` (B,) as in :class:`~gda_tracker.tracking.mht.shared_branches.SharedBranches`, and the
+    ``event`` as in :class:`~gda_tracker.tracking.mht.shared_branches.SharedBranches`, and the
     couplings of the branches by their places.
     """
 
@@ -249,8 +245,8 @@ def decide(
     shared: SharedBranches | None = None,
 ) -> Decided:
     """Find the best global hypothesis of the branches and prune what is not worth keeping."""
-    none = np.full(len(branches), -1, dtype=np.int64)
-    partner, event, coupled = none, none, list[CoupledTracks]()
+    none = np.full((len(branches), 2), -1, dtype=np.int64)
+    partner, event, coupled = none, none[:, 0], list[CoupledTracks]()
     if shared is not None:
         branches, coupled = shared.branches, shared.coupled
         partner, event = shared.partner, shared.event
@@ -319,6 +315,7 @@ def _live_and_end(
     decided: Associations,
     p: TrackManagerParameters,
     couplings: Couplings,
+    of_three: GroupMembers | None,
 ) -> Growth:
     """Confirm and end tracks by what their chosen leaves have seen; all leaves share the status."""
     before = opened.table
@@ -328,7 +325,7 @@ def _live_and_end(
     density = opened.clutter_density
 
     def increments() -> FloatArray:
-        return scan_increments(opened.predictions, scores, decided, density)[parents]
+        return scan_increments(opened.predictions, scores, decided, density, of_three)[parents]
 
     gone = judge(leading, increments, p, opened.scan.key.stamp_ns)
     table.status = leading.status[track]

@@ -1,16 +1,17 @@
 """Branches of a scan that share a detection with a branch of another track.
 
-An event of a group, two leaves and one detection, becomes a branch of each of the two, with half of
-the event's log score each. Only both together are in a global hypothesis
+An event of a group, two or three leaves and one detection, becomes a branch of each of them, with
+an equal share of the event's log score. Only all together are in a global hypothesis
 (:mod:`gda_tracker.tracking.mht.couplings`). That a group gave nothing changes no state. Of two
 tracks on their own it is part of the factor of two misses, (1 - P_u) + P_u (1 - P_Du) / (1 -
 P_D)^2; where a third one is coupled with them it has branches like the other events, for no track
-is in two groups.
+is in two groups. Groups of three are found by :mod:`gda_tracker.tracking.mht.threes`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,8 +26,10 @@ from gda_tracker.tracking.mht.couplings import (
     in_conflict,
     together,
 )
+from gda_tracker.tracking.mht.threes import EventsOfThree, events_of_three, no_events_of_three
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, Int32Array, IntArray
 from gda_tracker.vocabulary.hypotheses import Associations, Predictions
+from gda_tracker.vocabulary.scans import Scan
 
 MOST_EVENTS = 64
 """Events that become branches of two tracks, the most probable ones."""
@@ -36,14 +39,16 @@ MOST_EVENTS = 64
 class SharedBranches:
     """Branches of a scan with those that share, and the factors of coupled tracks.
 
-    ``partner`` (B,) is the row of the leaf that a branch shares its detection with, ``event`` (B,)
-    the row of the event in the associations, -1 for branches that share nothing.
+    ``partner`` (B, 2) are the rows of the leaves that a branch shares its detection with, -1 for
+    none; ``event`` (B,) the row of the event in the associations, followed by ``threes``, -1 for
+    branches that share nothing.
     """
 
     branches: Branches
     partner: IntArray
     event: IntArray
     coupled: list[CoupledTracks]
+    threes: EventsOfThree = field(default_factory=no_events_of_three)
 
 
 def nothing_shared(
@@ -53,17 +58,18 @@ def nothing_shared(
 
     ``track`` (H,) is the rank of each leaf's track.
     """
-    none = np.full(len(branches), -1, dtype=np.int64)
+    none = np.full((len(branches), 2), -1, dtype=np.int64)
     coupled = [
         CoupledTracks(pair.first, pair.second, _of_parents(pair, branches, track))
         for pair in coupled_tracks(couplings, table.hypothesis_id, track)
     ]
-    return SharedBranches(branches, none, none, coupled)
+    return SharedBranches(branches, none, none[:, 0], coupled)
 
 
 def share(
     branches: Branches,
     table: HypothesisTable,
+    scan: Scan,
     predictions: Predictions,
     associations: Associations,
     couplings: Couplings,
@@ -77,7 +83,7 @@ def share(
     ----------
     branches
         Those that share nothing.
-    table, predictions, associations
+    table, scan, predictions, associations
         The leaves, and the answer on the scan.
     couplings
         Of the leaves.
@@ -89,54 +95,77 @@ def share(
         (H,) log factors of statements for no detection of its own.
     """
     if not len(table):
-        none = np.zeros(0, dtype=np.int64)
-        return SharedBranches(branches, none, none, [])
+        none = np.zeros((0, 2), dtype=np.int64)
+        return SharedBranches(branches, none, none[:, 0], [])
     known = coupled_tracks(couplings, table.hypothesis_id, track)
     pairs, of_event = _coupled_pairs(known, associations, track)
     if not pairs:
         return nothing_shared(branches, table, couplings, track)
-    score = event_scores(predictions, associations)
-    size = {member: len(part) for part in components(pairs) for member in part}
+    parts = components(pairs)
+    size = {member: len(part) for part in parts for member in part}
     among_three = np.array([size[a] > 2 for a, _ in pairs])
+    starts = _starts(pairs, known, table, track)
+    near = _nearness(pairs, of_event, associations, track)
+    score = event_scores(predictions, associations)
     counts = (associations.group_detection >= 0) | among_three[of_event]
     events = _best_events(score, of_event, counts & (of_event >= 0), table, associations)
-    grown, partner, event = _with_halves(
-        branches, table, associations, events, score, first_number, said
+    threes = events_of_three(parts, starts, near, table, track, predictions, scan)
+    grown, partner, event = _with_shares(
+        branches, table, associations, events, score, threes, first_number, said
     )
-    factors = {(pair.first, pair.second): pair for pair in known}
-    unresolved = np.flatnonzero((associations.group_detection < 0) & (of_event >= 0))
-    coupled = []
-    for index, (a, b) in enumerate(pairs):
-        begin_a, begin_b = np.searchsorted(track, [a, b])
-        count_a, count_b = np.count_nonzero(track == a), np.count_nonzero(track == b)
-        if (a, b) in factors:
-            start = factors[a, b]
-        else:
-            rows, columns = slice(begin_a, begin_a + count_a), slice(begin_b, begin_b + count_b)
-            clash = in_conflict(table.detection_numbers[rows], table.detection_numbers[columns])
-            start = CoupledTracks(a, b, np.where(clash, -np.inf, 0.0))
-        near = np.zeros((count_a, count_b))
-        mine = unresolved[of_event[unresolved] == index]
-        near[
-            associations.group_first[mine] - begin_a, associations.group_second[mine] - begin_b
-        ] = associations.group_unresolved[mine]
-        coupled.append(
-            CoupledTracks(
-                a,
-                b,
-                _factors(
-                    start,
-                    near,
-                    grown,
-                    partner,
-                    event,
-                    track,
-                    predictions,
-                    bool(among_three[index]),
-                ),
-            )
+    coupled = [
+        CoupledTracks(
+            start.first,
+            start.second,
+            _factors(
+                start,
+                near[start.first, start.second],
+                grown,
+                partner,
+                event,
+                track,
+                predictions,
+                size[start.first] > 2,
+            ),
         )
-    return SharedBranches(grown, partner, event, coupled)
+        for start in starts
+    ]
+    return SharedBranches(grown, partner, event, coupled, threes)
+
+
+def _starts(
+    pairs: list[tuple[int, int]],
+    known: list[CoupledTracks],
+    table: HypothesisTable,
+    track: IntArray,
+) -> list[CoupledTracks]:
+    """Factors of the leaves of each pair of tracks before the scan."""
+    factors = {(pair.first, pair.second): pair for pair in known}
+    found = []
+    for a, b in pairs:
+        if (a, b) not in factors:
+            one, two = (table.detection_numbers[track == rank] for rank in (a, b))
+            clash = in_conflict(one, two)
+            factors[a, b] = CoupledTracks(a, b, np.where(clash, -np.inf, 0.0))
+        found.append(factors[a, b])
+    return found
+
+
+def _nearness(
+    pairs: list[tuple[int, int]], of_event: IntArray, associations: Associations, track: IntArray
+) -> dict[tuple[int, int], FloatArray]:
+    """P_u (a, b) of the leaves of each pair of tracks."""
+    count = np.bincount(track)
+    begin = np.cumsum(count) - count
+    unresolved = np.flatnonzero((associations.group_detection < 0) & (of_event >= 0))
+    found = {}
+    for index, (a, b) in enumerate(pairs):
+        near = np.zeros((count[a], count[b]))
+        mine = unresolved[of_event[unresolved] == index]
+        first, second = associations.group_first[mine], associations.group_second[mine]
+        near[first - begin[a], second - begin[b]] = associations.group_unresolved[mine]
+        found[a, b] = near
+    return found
 
 
 def detected_probability(
@@ -182,6 +211,9 @@ def _coupled_pairs(
         if pair not in pairs:
             pairs.append(pair)
     pairs = [pair for pair, taken in zip(pairs, together(pairs), strict=True) if taken]
+    # Of three tracks every two need a factor: all may be one group.
+    for part in components(pairs):
+        pairs += [pair for pair in itertools.combinations(part, 2) if pair not in pairs]
     index = {pair: place for place, pair in enumerate(pairs)}
     place = [index.get(divmod(value, int(track[-1]) + 1), -1) for value in new.tolist()]
     return pairs, np.array(place, dtype=np.int64)[of_event]
@@ -207,41 +239,57 @@ def _best_events(
     return np.sort(events[order[rank < MOST_EVENTS]])
 
 
-def _with_halves(
+def _with_shares(
     branches: Branches,
     table: HypothesisTable,
     associations: Associations,
     events: IntArray,
     score: FloatArray,
+    threes: EventsOfThree,
     first_number: int,
     said: FloatArray,
 ) -> tuple[Branches, IntArray, IntArray]:
-    """Branches (B,) with two for each event, their partners and events."""
+    """Branches (B,) with one for each member of each event, their partners and events."""
     first = associations.group_first[events].astype(np.int64)
     second = associations.group_second[events].astype(np.int64)
-    detection = np.tile(associations.group_detection[events].astype(np.int64), 2)
-    halves = np.concatenate([first, second])
-    parent = np.concatenate([branches.parent, halves])
-    order = np.argsort(parent, kind="stable")
-    gain = 0.5 * np.tile(score[events], 2) + said[halves]
+    none = np.full(len(events), -1, dtype=np.int64)
+    a, b, c = threes.rows.T
+    member = np.concatenate([first, second, a, b, c])
+    others = np.concatenate(
+        [
+            np.stack([second, none], axis=1),
+            np.stack([first, none], axis=1),
+            np.stack([b, c], axis=1),
+            np.stack([a, c], axis=1),
+            np.stack([a, b], axis=1),
+        ]
+    )
+    number_of_three = len(associations.group_first) + np.arange(len(threes))
+    event = np.concatenate([np.tile(events, 2), np.tile(number_of_three, 3)])
+    detection = np.concatenate(
+        [np.tile(associations.group_detection[events], 2), np.tile(threes.detection, 3)]
+    ).astype(np.int64)
+    gain = np.concatenate([np.tile(score[events], 2) / 2.0, np.tile(threes.score, 3) / 3.0])
     number = np.concatenate(
         [
             np.where(detection >= 0, first_number + detection, -1)[:, None],
-            table.detection_numbers[halves],
+            table.detection_numbers[member],
         ],
         axis=1,
     )
-    none = np.full(len(branches), -1, dtype=np.int64)
+    parent = np.concatenate([branches.parent, member])
+    order = np.argsort(parent, kind="stable")
+    nothing = np.full((len(branches), 2), -1, dtype=np.int64)
     grown = Branches(
         parent[order],
-        np.concatenate([branches.pair, np.full(len(halves), -1)])[order],
+        np.concatenate([branches.pair, np.full(len(member), -1)])[order],
         np.concatenate([branches.detection, detection])[order],
         table.track_id[parent][order],
-        np.concatenate([branches.log_score, table.log_score[halves] + gain])[order],
+        np.concatenate([branches.log_score, table.log_score[member] + gain + said[member]])[order],
         np.concatenate([branches.detection_numbers, number])[order],
     )
-    partner = np.concatenate([none, second, first])[order]
-    return grown, partner, np.concatenate([none, np.tile(events, 2)])[order]
+    partner = np.concatenate([nothing, others])[order]
+    return grown, partner, np.concatenate([nothing[:, 0], event])[order]
 
 
 def _of_parents(pair: CoupledTracks, branches: Branches, track: IntArray) -> FloatArray:
@@ -275,7 +323,7 @@ def _factors(
     def shared_with(mine: IntArray, other: int) -> IntArray:
         """Event of each branch (n,) if it shares its detection with that track, else -1."""
         with_other = (partner[mine] >= 0) & (track[partner[mine]] == other)
-        return np.where(with_other, event[mine], -1)
+        return np.where(with_other.any(axis=1), event[mine], -1)
 
     one, two = shared_with(rows, start.second)[:, None], shared_with(columns, start.first)
     used, used_too = branches.detection[rows][:, None], branches.detection[columns]
