@@ -202,6 +202,7 @@ def scan_to_message(scan: Scan) -> Any:
     if scan.cells is not None:
         cells_to_message(scan.cells, message)
     message.signal_strength = floats_to_field(scan.signal_strength)
+    message.relative_clutter_density = floats_to_field(scan.relative_clutter_density)
     if scan.statements:
         message.statements = [statement_to_message(each) for each in scan.statements]
     return message
@@ -271,6 +272,9 @@ def scan_from_message(message: Any) -> Scan:
         ),
         cells=cells_from_message(message, count),
         signal_strength=_optional_of_size(message.signal_strength, count, "signal_strength"),
+        relative_clutter_density=_optional_of_size(
+            message.relative_clutter_density, count, "relative_clutter_density"
+        ),
     )
 
 

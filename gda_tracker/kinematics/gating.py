@@ -42,7 +42,8 @@ class GatedPairs:
     ``mahalanobis_squared`` (P,) is that of the closest component; ``log_likelihood`` (P,) is
     log g_ij [log 1/(m rad)], summed over the components of the hypothesis by their weights; of a
     sensor with a model its unit is one over that of the measurement space. Where signal strength
-    counts it has the ratio of :mod:`gda_tracker.kinematics.pair_strengths`.
+    counts it has the ratio of :mod:`gda_tracker.kinematics.pair_strengths`, and where clutter is
+    not the same everywhere it is less by the log of the scan's ``relative_clutter_density``.
     """
 
     hypothesis: Int32Array
@@ -73,6 +74,9 @@ def gate(scan: Scan, predictions: Predictions) -> GatedPairs:
     ratio = pair_log_ratio(scan, predictions, pairs.hypothesis, pairs.detection)
     if ratio is not None:
         pairs.log_likelihood = pairs.log_likelihood + ratio
+    if scan.relative_clutter_density is not None:
+        local = np.log(scan.relative_clutter_density[pairs.detection])
+        pairs.log_likelihood = pairs.log_likelihood - local
     return pairs
 
 

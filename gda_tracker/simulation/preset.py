@@ -56,6 +56,8 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
     }
     if told.extraction != "m_of_n":
         manager["extraction"] = told.extraction
+    if told.clutter_density != "given":
+        manager["clutter_density"] = told.clutter_density
     if sensor.false_alarm_probability > 0.0:
         manager["false_alarm_probability"] = sensor.false_alarm_probability
         manager["signal_strength"] = told.signal_strength

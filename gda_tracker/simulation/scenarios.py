@@ -211,6 +211,11 @@ class TrackerKnowledge:
         default="m_of_n",
         choices=("m_of_n", "sequential"),
     )
+    clutter_density: str = key(
+        "whether the tracker takes the density it is told, or estimates it",
+        default="given",
+        choices=("given", "estimated"),
+    )
     resolution: str = key(
         "whether the tracker is told the resolution of the sensor",
         default="told",

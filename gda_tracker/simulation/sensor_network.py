@@ -94,10 +94,9 @@ def _look(
     seen = streams[0].random(len(ids)) < sensor.detection_probability
     noise = streams[1].standard_normal((len(ids), len(model))) * sensor.deviations
     value = (measure(model, sites, states) + noise)[seen]
-    low, high = np.array(sensor.extents).T
-    count = streams[2].poisson(sensor.false_alarms_per_scan)
-    value = np.concatenate([value, streams[2].uniform(low, high, (count, len(model)))])
-    source = np.concatenate([ids[seen], np.full(count, CLUTTER, dtype=np.int32)])
+    false = sensor.false_alarms(streams[2])
+    value = np.concatenate([value, false])
+    source = np.concatenate([ids[seen], np.full(len(false), CLUTTER, dtype=np.int32)])
     order = streams[3].permutation(len(value))
     return value[order], source[order].astype(np.int32)
 

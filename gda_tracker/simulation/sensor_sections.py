@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from gda_tracker.kinematics.measurement_kinds import (
     AZIMUTH,
     MEASUREMENT_MODELS,
@@ -18,6 +20,7 @@ from gda_tracker.kinematics.measurement_kinds import (
 )
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.schema import ScenarioError, check_list, key, read_section
+from gda_tracker.vocabulary.arrays import FloatArray
 
 PLACE = "[x East, y North] at time 0"
 POLAR = MeasurementModel(RANGE_AZIMUTH, (RANGE, AZIMUTH))
@@ -60,6 +63,17 @@ class ModelledSensor:
     range_extent_m: tuple[float, float] = key(
         "false alarms are uniform between", unit="m", default=(0.0, 50_000.0)
     )
+    busy_sector_deg: tuple[float, float] = key(
+        "azimuths [from, to], counter-clockwise from East, of a sector with more false alarms",
+        unit="deg",
+        default=(0.0, 0.0),
+    )
+    busy_share: float = key(
+        "of the false alarms that lie in that sector; the tracker is told that all are uniform",
+        minimum=0.0,
+        maximum=1.0,
+        default=0.0,
+    )
     range_rate_extent_mps: tuple[float, float] = key(
         "false alarms are uniform between", unit="m/s", default=(-300.0, 300.0)
     )
@@ -72,6 +86,13 @@ class ModelledSensor:
                 raise ParameterError(
                     f"{name} = [{low:g}, {high:g}]: allowed is [low, high], low < high"
                 )
+        low, high = self.busy_sector_deg
+        sector = AZIMUTH in self.measured.quantities and low < high <= low + 360.0
+        if self.busy_share > 0.0 and not sector:
+            raise ParameterError(
+                f"busy_share = {self.busy_share:g}: allowed is 0 without azimuths, or without a "
+                f"busy_sector_deg [low, high] of at most a turn, now [{low:g}, {high:g}]"
+            )
         if self.measured.has_reference and self.reference_position_m == self.position_m:
             x, y = self.reference_position_m
             raise ParameterError(
@@ -98,6 +119,29 @@ class ModelledSensor:
     def clutter_density(self) -> float:
         """False alarms per scan and unit of the measurement space."""
         return self.false_alarms_per_scan / math.prod(high - low for low, high in self.extents)
+
+    def false_alarms(self, rng: np.random.Generator) -> FloatArray:
+        """False alarms (n, m) of one scan."""
+        low, high = np.array(self.extents).T
+        count = rng.poisson(self.false_alarms_per_scan)
+        found = rng.uniform(low, high, (count, len(low)))
+        if self.busy_share > 0.0:
+            azimuth = self.measured.quantities.index(AZIMUTH)
+            start, end = np.radians(self.busy_sector_deg)
+            # Outside the sector they are uniform over the turn, what falls on it included.
+            busy = rng.random(count) < self.busy_share
+            found[busy, azimuth] = rng.uniform(start, end, np.count_nonzero(busy))
+        return found
+
+    def true_clutter_density(self, azimuth_rad: FloatArray) -> FloatArray:
+        """False alarms per scan and unit of the measurement space at azimuths (P,)."""
+        low, high = np.radians(self.busy_sector_deg)
+        density = np.full(len(azimuth_rad), (1.0 - self.busy_share) * self.clutter_density)
+        if self.busy_share > 0.0:
+            inside = np.mod(azimuth_rad - low, 2.0 * math.pi) < high - low
+            busy = self.busy_share * self.clutter_density * 2.0 * math.pi / (high - low)
+            density[inside] += busy
+        return density
 
     @property
     def deviations(self) -> list[float]:

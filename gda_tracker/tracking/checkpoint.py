@@ -31,6 +31,7 @@ from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.looks import DetectionMap
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.manager_state import ManagerState
+from gda_tracker.tracking.measurement_clutter import MeasurementClutter
 from gda_tracker.tracking.mht.couplings import Couplings
 from gda_tracker.tracking.mht.generations import Generation
 from gda_tracker.tracking.statement_desk import desk_from_plain, desk_to_plain
@@ -43,6 +44,7 @@ _TABLE_FIELDS = (*ROW_FIELDS, "focal", "window_focal", "cell_members")
 _POINT_FIELDS = tuple(f.name for f in dataclasses.fields(StartPoints))
 _COUPLING_FIELDS = tuple(f.name for f in dataclasses.fields(Couplings))
 _CLUTTER_FIELDS = ("extent_m", "exposure_scans", "count")
+_MEASURED_FIELDS = ("extent", "lowest", "highest", "exposure_scans", "count")
 _LOOKS_FIELDS = ("extent_m", "hits", "misses")
 # Fields of ManagerState that are written as they are.
 _PLAIN = (
@@ -71,6 +73,8 @@ def save(manager: TrackManager, path: Path) -> None:
     arrays = _table_arrays("table", state.table)
     arrays |= {f"points_{name}": getattr(state.points, name) for name in _POINT_FIELDS}
     arrays |= {f"clutter_{name}": getattr(state.clutter, name) for name in _CLUTTER_FIELDS}
+    measured = state.measurement_clutter
+    arrays |= {f"measured_clutter_{name}": getattr(measured, name) for name in _MEASURED_FIELDS}
     arrays |= {f"couplings_{name}": getattr(state.couplings, name) for name in _COUPLING_FIELDS}
     arrays |= {f"looks_{name}": getattr(state.looks, name) for name in _LOOKS_FIELDS}
     arrays["deleted_track_id"] = state.deleted_track_id
@@ -185,6 +189,8 @@ def _rest(manager: TrackManager) -> dict[str, Any]:
         ],
         "last_sensors": state.last_sensors,
         "clutter_sensors": state.clutter.sensor_ids,
+        "measured_clutter_sensors": state.measurement_clutter.sensor_ids,
+        "measured_clutter_models": state.measurement_clutter.models,
         "looks_sensors": state.looks.sensor_ids,
         "last_key": None if state.last_key is None else state.last_key[1:],
         "last_report": report,
@@ -236,6 +242,15 @@ def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> M
         clutter=ClutterMap(
             tuple(rest["clutter_sensors"]),
             **{name: arrays[f"clutter_{name}"] for name in _CLUTTER_FIELDS},
+        ),
+        measurement_clutter=MeasurementClutter(
+            tuple(rest.get("measured_clutter_sensors", ())),
+            tuple(rest.get("measured_clutter_models", ())),
+            **{
+                name: arrays[f"measured_clutter_{name}"]
+                for name in _MEASURED_FIELDS
+                if f"measured_clutter_{name}" in arrays
+            },
         ),
         couplings=Couplings(
             # Checkpoints of versions without are read too.

@@ -22,6 +22,7 @@ from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.jpda_update import update_by_marginals
 from gda_tracker.tracking.life import judge
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
+from gda_tracker.tracking.measurement_clutter import measurement_clutter_after
 from gda_tracker.tracking.mht.couplings import Couplings
 from gda_tracker.tracking.mht.delayed import past_of
 from gda_tracker.tracking.mht.generations import Generation, settle
@@ -162,6 +163,9 @@ def _close_single(
         opened.scan.key.stamp_ns,
     )
     state.clutter = clutter_after(state.clutter, opened.scan, table.status, assigned, p)
+    state.measurement_clutter = measurement_clutter_after(
+        state.measurement_clutter, opened.scan, table.status, assigned, p
+    )
     state.looks = detection_map_after(state.looks, opened, associations, assigned, p)
     deleted = np.concatenate([opened.ended_track_id, table.track_id[gone]])
     if gone.any():
@@ -197,6 +201,13 @@ def _close_trees(
     decided = replace(associations, assigned_detection=growth.assigned)
     state.clutter = clutter_after(
         state.clutter, opened.scan, opened.table.status, growth.assigned, parameters
+    )
+    state.measurement_clutter = measurement_clutter_after(
+        state.measurement_clutter,
+        opened.scan,
+        opened.table.status,
+        growth.assigned,
+        parameters,
     )
     state.looks = detection_map_after(
         state.looks, opened, associations, growth.assigned, parameters

@@ -1,5 +1,8 @@
 """Clutter density, estimated while tracking, by region of range and azimuth around each sensor.
 
+Sensors with a model of their own have maps of what they measure, in
+:mod:`gda_tracker.tracking.measurement_clutter`.
+
 Detections that belong to no confirmed track are counted in cells of a polar grid, and forgotten
 exponentially. A cell's density is the mean of the Gamma distribution that a Poisson rate has after
 these counts, with the density that was given as its prior (a conjugate pair; compare the clutter
@@ -143,7 +146,7 @@ def densities_of_hypotheses(
 ) -> FloatArray:
     """Clutter density (H,) [1/(m rad)] where predicted states (H, s) appear to a scan's sensor."""
     given = parameters.clutter_density_per_m_rad
-    if parameters.clutter_density == GIVEN:
+    if parameters.clutter_density == GIVEN or scan.sensor_model:
         return np.full(len(mean), given)
     seen = predicted_measurements(
         mean[:, :2], np.zeros((len(mean), 2, 2)), scan.sensor_position_m[:2]
@@ -169,7 +172,7 @@ def clutter_after(
 
     ``status`` (H,) is that of the same hypotheses after the scan.
     """
-    if parameters.clutter_density == GIVEN:
+    if parameters.clutter_density == GIVEN or scan.sensor_model:
         return clutter
     free = np.ones(len(scan), dtype=bool)
     free[assigned[(status == CONFIRMED) & (assigned >= 0)]] = False

@@ -18,6 +18,7 @@ from gda_tracker.association.global_hypotheses import LOG_VANISHING
 from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import NewTracks
+from gda_tracker.tracking.measurement_clutter import log_ratio_of_starts
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.scans import Scan
@@ -38,7 +39,8 @@ def prior_odds(
     With rho new targets per false alarm, the first detection counts rho, each scan without one
     1 - P_D, the second one P_D p(z) / beta, with p(z) the density of the second position given the
     first (``NewTracks.log_density``), times the range as beta is per m and rad. A track that starts
-    from one detection of a sensor with a model of its own has rho alone.
+    from one detection of a sensor with a model of its own has rho alone, over the scan's
+    ``relative_clutter_density`` there.
 
     Parameters
     ----------
@@ -54,7 +56,7 @@ def prior_odds(
     p = parameters
     if scan.sensor_model:
         # A Gaussian sum starts from one detection.
-        return np.full(len(new.detection), np.log(p.mht_new_target_ratio))
+        return log_ratio_of_starts(new, scan, p.mht_new_target_ratio)
     range_m = polar_measurements(scan).range_m[new.detection]
     with np.errstate(divide="ignore"):
         log_clutter, log_missed, log_detected, log_range = (

@@ -11,6 +11,7 @@ from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
 from gda_tracker.tracking.looks import DetectionMap
+from gda_tracker.tracking.measurement_clutter import MeasurementClutter
 from gda_tracker.tracking.mht.couplings import Couplings
 from gda_tracker.tracking.mht.generations import Generation
 from gda_tracker.tracking.statement_desk import StatementDesk
@@ -56,6 +57,7 @@ class ManagerState:
     initialised_from: tuple[bytes, int] | None = None
     scans_closed: int = 0
     clutter: ClutterMap = field(default_factory=ClutterMap)
+    measurement_clutter: MeasurementClutter = field(default_factory=MeasurementClutter)
     looks: DetectionMap = field(default_factory=DetectionMap)
     generations: list[Generation] = field(default_factory=list)
     desk: StatementDesk = field(default_factory=StatementDesk)

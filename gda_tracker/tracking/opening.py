@@ -15,6 +15,7 @@ from gda_tracker.tracking.extended.columns import predict_extents, with_extents
 from gda_tracker.tracking.history_window import with_window
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.manager_state import ManagerState, OpenScan
+from gda_tracker.tracking.measurement_clutter import with_relative_density
 from gda_tracker.tracking.mht.start import fit
 from gda_tracker.tracking.parameter_groups.extended import NONE
 from gda_tracker.tracking.parameters import TrackManagerParameters
@@ -68,6 +69,7 @@ def open_scan(
     table = predict_extents(last, table, dt_s, p)
     table, scan = with_strengths(table, dt_s, p), with_signals(scan, p, counters)
     density = densities_of_hypotheses(state.clutter, scan, table.mean, p)
+    scan, density = with_relative_density(state.measurement_clutter, scan, density, p)
     if state.desk.waiting:
         scan = _with_statements(scan, table, state, p, counters)
     predictions = tell_strengths(predictions_of(scan.key, table, p, density), scan, table, p)

@@ -78,7 +78,8 @@ class Scan:
     With ``cells`` (of extended objects) a row is a cell, several detections put together:
     ``source_index`` is the one nearest to their centroid.
     ``signal_strength`` (n,) is in mean noise powers, NaN where unknown; ``None`` where it plays no
-    part.
+    part. ``relative_clutter_density`` (n,) is the clutter density where each detection is, over the
+    mean one of the sensor; ``None``: the same everywhere.
     """
 
     key: ScanKey
@@ -104,6 +105,7 @@ class Scan:
     reference_velocity_mps: FloatArray | None = None
     cells: ScanCells | None = None
     signal_strength: FloatArray | None = None
+    relative_clutter_density: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.range_m)

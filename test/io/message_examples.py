@@ -139,6 +139,7 @@ def scan(count: int = 7, full: bool = True) -> Scan:
         "sensor_velocity_mps": floats(3, seed=9),
         "reference_position_m": floats(3, seed=10),
         "reference_velocity_mps": floats(3, seed=11),
+        "relative_clutter_density": floats(count, seed=12),
     }
     size = 4 if full else 2
     return Scan(

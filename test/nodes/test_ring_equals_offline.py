@@ -99,6 +99,18 @@ def test_sequential_extraction_and_estimated_clutter(domain):
     assert differences(played.tracks, expected) == []
 
 
+def test_clutter_of_bearings_that_is_estimated(domain):
+    """The density at every detection, over the mean one, travels with the scan."""
+    plays, parameters = scenario_plays("busy_coast", "jpda/none/cv")
+    for item in plays:
+        item.detections, item.truth = item.detections[:16], item.truth[:16]
+    expected = offline(plays, parameters)
+    played = play_in_one_process(plays, parameters, domain)
+    assert differences(played.tracks, expected) == []
+    parameters["track_manager"] |= {"clutter_density": "given"}
+    assert differences(expected, offline(plays, parameters))
+
+
 @pytest.mark.parametrize("filter_", ["imm", "gpb2"])
 def test_models_with_states_of_their_own(filter_, domain):
     """Accelerations and turn rates stay in the track manager; nobody else needs them."""

@@ -24,6 +24,8 @@ def content() -> dict:
 
 def test_shipped_scenarios_load_by_name_and_path():
     assert list(shipped_scenarios()) == [
+        "busy_coast",
+        "busy_coast_given",
         "closely_spaced_targets",
         "crossing_bearings",
         "crossing_targets",
@@ -127,7 +129,7 @@ def test_overlapping_turns_are_refused(content):
 
 def test_a_file_that_is_not_there():
     with pytest.raises(
-        ScenarioError, match="shipped are closely_spaced_targets, crossing_bearings"
+        ScenarioError, match="shipped are busy_coast, .*closely_spaced_targets, crossing_bearings"
     ):
         load_scenario("crossing_target")
 

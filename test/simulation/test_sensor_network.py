@@ -19,7 +19,7 @@ from gda_tracker.simulation.scenarios import (
 from gda_tracker.simulation.sensor_network import simulate_network, sites_at
 from gda_tracker.tracking.ring import stage_parameters
 
-WITH_SENSORS = ("crossing_bearings", "mixed_sensors", "moving_emitter", "two_sensors")
+WITH_SENSORS = ("busy_coast", "crossing_bearings", "mixed_sensors", "moving_emitter", "two_sensors")
 
 
 @pytest.fixture
@@ -109,4 +109,32 @@ def _sensor(key, value):
 def test_a_wrong_section_is_named(content, change, message):
     change(content)
     with pytest.raises(ScenarioError, match=message):
+        scenario_from_mapping(content)
+
+
+def test_false_bearings_are_as_many_in_the_busy_sector_as_its_density_says():
+    scenario = load_scenario("busy_coast")
+    sensor = scenario.sensors[0]
+    rng = np.random.default_rng(1)
+    azimuth = np.concatenate([sensor.false_alarms(rng)[:, 0] for _ in range(4000)])
+    count, edges = np.histogram(np.mod(azimuth, 2.0 * np.pi), 36, (0.0, 2.0 * np.pi))
+    centre = 0.5 * (edges[1:] + edges[:-1])
+    expected = 4000.0 * sensor.true_clutter_density(centre) * np.radians(10.0)
+    assert np.all(np.abs(count - expected) < 5.0 * np.sqrt(expected))
+    assert expected.max() > 80.0 * expected.min()
+    assert expected.sum() == pytest.approx(4000.0 * sensor.false_alarms_per_scan)
+
+
+@pytest.mark.parametrize(
+    ("place", "changes"),
+    [
+        (1, {"busy_share": 0.5, "busy_sector_deg": [0.0, 30.0]}),  # it has no azimuths
+        (0, {"busy_share": 0.5}),
+        (0, {"busy_share": 0.5, "busy_sector_deg": [30.0, 0.0]}),
+        (0, {"busy_share": 0.5, "busy_sector_deg": [0.0, 400.0]}),
+    ],
+)
+def test_a_busy_sector_that_is_none_is_refused(content, place, changes):
+    content["sensors"][place].update(changes)
+    with pytest.raises(ScenarioError, match="busy_share = 0.5"):
         scenario_from_mapping(content)

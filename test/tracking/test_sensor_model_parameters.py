@@ -59,7 +59,10 @@ def test_without_sensors_nothing_is_made():
         ({"sensor_clutter_densities": [0.1]}, "sensor_clutter_densities"),
         ({"sensor_references_m": [1.0, 2.0, 3.0]}, "sensor_references_m"),
         ({"sensor_range_stds_m": [0.0, 1.0]}, "sensor_range_stds_m"),
-        ({"clutter_density": "estimated"}, "clutter_density"),
+        (
+            {"clutter_density": "estimated", "sensor_clutter_densities": [0.1, 0.0]},
+            "clutter_density = 'estimated' and sensor_clutter_densities",
+        ),
         ({"gaussian_sum_nearest_m": 60_000.0}, "gaussian_sum_nearest_m"),
     ],
 )

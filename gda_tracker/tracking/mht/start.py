@@ -8,6 +8,7 @@ from gda_tracker.association.global_hypotheses import LOG_VANISHING
 from gda_tracker.kinematics.sensor_models import polar_measurements
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import NewTracks
+from gda_tracker.tracking.measurement_clutter import log_ratio_of_starts
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 from gda_tracker.vocabulary.scans import Scan
@@ -22,11 +23,12 @@ def start_scores(
     1 - P_D, the second P_D p(z) / beta with z uniform where a target of the largest
     speed can be: the disc of radius v dt, divided by the range as the density is per m and rad.
     What the attributes say of the two is not counted. Of a track that starts from one detection of
-    a sensor with a model of its own that is the ratio of new targets alone.
+    a sensor with a model of its own that is the ratio of new targets alone, over the scan's
+    ``relative_clutter_density`` there.
     """
     p = parameters
     if scan.sensor_model:
-        return np.full(len(new.detection), np.log(p.mht_new_target_ratio))
+        return log_ratio_of_starts(new, scan, p.mht_new_target_ratio)
     dt_s = (scan.key.stamp_ns - new.first_stamp_ns) / 1e9
     range_m = polar_measurements(scan).range_m[new.detection]
     spread = (range_m, np.pi * np.square(p.max_speed_mps * dt_s))

@@ -83,7 +83,8 @@ class SensorParameters:
     clutter_density: str = parameter(
         GIVEN,
         "given: clutter_density_per_m_rad everywhere; estimated: by region of range and azimuth, "
-        "from detections without a confirmed track, beginning with it",
+        "from detections without a confirmed track, beginning with it; of sensors with a model of "
+        "their own by region of what they measure, beginning with sensor_clutter_densities",
         choices=CLUTTER_DENSITIES,
     )
     clutter_memory_scans: float = parameter(

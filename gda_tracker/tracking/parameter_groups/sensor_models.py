@@ -175,10 +175,13 @@ class SensorModelParameters:
                 "parameter sensor_clutter_densities = []: allowed are as many numbers as "
                 f"sensor_ids, {count}, with the models {', '.join(special)}"
             )
-        if special and getattr(self, "clutter_density", GIVEN) != GIVEN:
+        estimated = getattr(self, "clutter_density", GIVEN) != GIVEN
+        first = zip(self.sensor_models, self.sensor_clutter_densities, strict=False)
+        if estimated and any(name in special and density == 0.0 for name, density in first):
             raise ParameterError(
-                "parameter clutter_density = 'estimated': allowed is given with sensor_models of "
-                f"{', '.join(special)}, for the estimate is one over range and azimuth"
+                f"parameters clutter_density = 'estimated' and sensor_clutter_densities = "
+                f"{self.sensor_clutter_densities}: allowed are numbers > 0, which the estimate "
+                f"begins with, with sensor_models of {', '.join(special)}"
             )
         if not self.gaussian_sum_nearest_m < self.gaussian_sum_farthest_m:
             raise ParameterError(
