@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm, poisson
+from scipy.special import gammainc, gammaincc, ndtri
 
 from gda_tracker.association.xmap.model import SensorModel
 from gda_tracker.association.xmap.partitions import enumerate_associations
@@ -95,9 +95,11 @@ class Tally:
         mostly = expected > 0.5 * self.total
         count = np.where(mostly, self.total - hits, hits)
         mean = np.where(mostly, self.total - expected, expected)
-        above, below = poisson.sf(count - 1, mean), poisson.cdf(count, mean)
+        # Probability of so many or more, and of so many or fewer (scipy.stats is slow to import).
+        above = np.where(count > 0, gammainc(np.maximum(count, 1.0), mean), 1.0)
+        below = gammaincc(count + 1.0, mean)
         tail = np.clip(np.minimum(above, below), 1e-300, 0.5)
-        rare = np.where(above < below, 1.0, -1.0) * norm.isf(tail)
+        rare = np.where(above < below, 1.0, -1.0) * -ndtri(tail)
         rare = np.where(mostly, -rare, rare)
         with np.errstate(invalid="ignore"):
             return np.where(self.total == 0, 0.0, np.where(self.variance < FEW, rare, self.zeta))

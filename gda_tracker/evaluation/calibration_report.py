@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from gda_tracker.evaluation.calibration import EDGES, LARGEST_DEVIATION, Tally
 from gda_tracker.vocabulary.arrays import FloatArray
@@ -62,7 +62,7 @@ def rows_of(tally: Tally) -> list[dict[str, Any]]:
         "expected_share": tally.expected / count,
         "sigma": np.sqrt(tally.variance) / count,
         "zeta": tally.zeta,
-        "percentile": norm.cdf(tally.zeta),
+        "percentile": ndtr(tally.zeta),
         "deviation": tally.deviation,
         "total_from_published": total_off,
         "correct_from_published": correct_off,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from gda_tracker.kinematics.set_valued.filter import squared_distances
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
@@ -41,7 +41,7 @@ def covering(
         sets.matrix[repeated, :2],
         sets.covariance[repeated, :2, :2],
     )
-    found: BoolArray = square.reshape(targets, count) <= chi2.ppf(probability, 2)
+    found: BoolArray = square.reshape(targets, count) <= chdtri(2.0, 1.0 - probability)
     return found
 
 

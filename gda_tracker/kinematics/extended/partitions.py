@@ -9,7 +9,6 @@ mixture PHD filter", 2012, distance partitioning).
 from __future__ import annotations
 
 import numpy as np
-from scipy.cluster.hierarchy import fcluster, linkage
 
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 
@@ -55,6 +54,9 @@ def distance_partitions(
         raise ValueError(f"{n} detections: allowed are {MAX_DETECTIONS} at most")
     if n < 2:
         return np.zeros((1, n), dtype=np.int64)
+    # Slow to import, and needed for extended objects alone.
+    from scipy.cluster.hierarchy import fcluster, linkage
+
     tree = linkage(positions, method="single")
     inner = tree[(tree[:, 2] > least_m) & (tree[:, 2] <= largest_m), 2]
     # From each edge on, its own joins are made; the partition lasts until the next edge.
