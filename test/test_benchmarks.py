@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks import joint
+from benchmarks import against_commit, joint
 from benchmarks.autoferry_vs_stonesoup import Setting, best, grid, objective
 from benchmarks.measuring import table, write_results
 from benchmarks.ring_latency import WARM_UP_SCANS, warm
@@ -271,3 +271,28 @@ def test_a_table_aligns_its_columns():
     assert [len(line) for line in lines] == [16] * 4
     assert lines[2].endswith("1.23")
     assert lines[3].endswith("-")
+
+
+# --- against an earlier commit --------------------------------------------------------------------
+
+
+def test_the_ratio_is_that_of_paired_times_with_the_interval_of_the_sign_test():
+    before = np.linspace(1.0, 2.0, 20)
+    found = against_commit.summary(before, before * np.linspace(0.9, 1.09, 20))
+    assert found["ratio"] == pytest.approx(0.995)
+    # Between the 6th and the 15th of 20 the median lies with 95.9 %.
+    assert found["ratio_lowest"] == pytest.approx(0.95)
+    assert found["ratio_highest"] == pytest.approx(1.04)
+    assert found["before_ms"] == pytest.approx(1500.0)
+
+
+def test_two_trees_take_turns_and_one_that_cannot_is_said():
+    root = against_commit.ROOT
+    (row,) = against_commit.compare((root, root), [("crossing_targets", "map/none/cv")], 1, 1)
+    assert row["turns"] == 1
+    assert 0.1 < row["ratio"] < 10.0
+    with (
+        against_commit.Worker(root / "docs") as worker,
+        pytest.raises(RuntimeError, match="the process has ended"),
+    ):
+        worker.scan_s("crossing_targets", "map/none/cv", 1)
