@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from gda_tracker.evaluation.quality import score_quality
@@ -10,7 +12,7 @@ from gda_tracker.simulation.playback import with_method
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import Scenario
 from gda_tracker.simulation.sensor_network import simulate_network
-from gda_tracker.tracking.measurement_clutter import MeasurementClutter, grid_shape
+from gda_tracker.tracking.measurement_clutter import MeasurementClutter, densities, grid_shape
 from gda_tracker.tracking.parameter_groups.sensor import ESTIMATED, GIVEN
 from gda_tracker.tracking.ring import Ring
 
@@ -75,3 +77,26 @@ def tracked(
             }
         )
     return scores
+
+
+def estimated_map(scenario: Scenario, method: str, seed: int) -> dict[str, Any]:
+    """What the map of the first sensor, of bearings, says after one run, and what is true."""
+    ring = Ring(with_method(tracker_preset(scenario), method))
+    for detections in simulate_network(scenario, seed).detections:
+        ring.process(detections)
+    sensor = scenario.sensors[0]
+    degrees = np.arange(-179.5, 180.0)
+    azimuth = np.radians(degrees)
+    local, _ = densities(
+        ring.manager.state.measurement_clutter,
+        sensor.id,
+        sensor.measured,
+        azimuth[:, None],
+        sensor.clutter_density,
+    )
+    return {
+        "azimuth_deg": degrees.tolist(),
+        "truth": sensor.true_clutter_density(azimuth).round(5).tolist(),
+        "estimate": local.round(5).tolist(),
+        "given": round(sensor.clutter_density, 5),
+    }

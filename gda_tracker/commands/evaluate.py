@@ -47,8 +47,9 @@ def _on_trajectories(args: argparse.Namespace) -> int:
     for option in ("report", "workers"):
         if getattr(args, option) is not None:
             raise ParameterError(f"--{option}: allowed with scenarios only")
-    if args.confusion:
-        raise ParameterError("--confusion: allowed with scenarios only")
+    for option in ("confusion", "formations"):
+        if getattr(args, option):
+            raise ParameterError(f"--{option}: allowed with scenarios only")
     runs = 1 if args.runs is None else args.runs
     if runs < 1:
         raise ParameterError(f"--runs {runs}: allowed is an integer >= 1")

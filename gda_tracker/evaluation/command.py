@@ -18,6 +18,7 @@ from gda_tracker.evaluation.monte_carlo import DEFAULT_METHODS, Progress, monte_
 from gda_tracker.evaluation.results import ScenarioResult
 from gda_tracker.evaluation.runs import INITIATIONS, LABELLED
 from gda_tracker.evaluation.table import format_result
+from gda_tracker.formations.parameters import FormationParameters
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.scenarios import load_scenario, shipped_scenarios
 
@@ -56,7 +57,7 @@ Reading the table
 
 With --initiation automatic there are four tables instead (docs/measures.md): continuity
 (completeness, identity switches, false tracks), GOSPA with its parts and OSPA, extraction
-delay and life of false tracks, and consistency (NEES, NIS).
+delay and life of false tracks, and consistency (NEES, NIS); with --formations two more.
 
 With --adapter ais or uav the argument is a file of real trajectories, seen by a simulated
 radar (docs/simulated-radar.md); the whole tracker runs, and completeness, switches, false
@@ -119,6 +120,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "OSPA, in m (default: three standard deviations of a measured position)",
     )
     parser.add_argument(
+        "--formations",
+        action="store_true",
+        help="automatic: follow formations too, and score their numbers, splits and mergers "
+        "(docs/formations.md)",
+    )
+    parser.add_argument(
         "--confusion", action="store_true", help="print whose detections each track got"
     )
     parser.add_argument(
@@ -151,6 +158,7 @@ def run(args: argparse.Namespace) -> int:
                 match_distance_m=args.match_distance,
                 workers=args.workers,
                 progress=progress,
+                formations=FormationParameters() if args.formations else None,
             )
         for result in results:
             print(format_result(result, args.confusion))
@@ -174,6 +182,8 @@ def command_line(args: argparse.Namespace) -> str:
     words += ["--seed", str(args.seed), "--initiation", args.initiation]
     if args.match_distance is not None:
         words += ["--match-distance", str(args.match_distance)]
+    if args.formations:
+        words.append("--formations")
     for method in args.methods or DEFAULT_METHODS:
         words += ["--method", method]
     return shlex.join(words)

@@ -12,7 +12,9 @@ from gda_tracker.evaluation.figures import (
     png,
     require_matplotlib,
     set_distance_course,
+    stated_numbers,
 )
+from gda_tracker.evaluation.formation_results import BINS
 from gda_tracker.evaluation.report import Facts, Picture, Section, render
 from gda_tracker.evaluation.results import ScenarioResult
 from gda_tracker.evaluation.table import (
@@ -69,7 +71,15 @@ def _pictures(result: ScenarioResult) -> tuple[list[Picture], list[str]]:
         return [], [_sentence(str(error))]
     methods = {m.method: m.quality for m in result.methods if m.quality is not None}
     if methods:
+        calibrated = {name: q.values[BINS] for name, q in methods.items() if BINS in q.values}
+        numbers = Picture(
+            "Formations: stated probability of the most probable number",
+            "Each point is a bin of scans, as large as it has many: the mean probability that was "
+            "stated, and the share of numbers that were right. On the line both are the same.",
+            png(stated_numbers(calibrated)) if calibrated else b"",
+        )
         return [
+            *([numbers] if calibrated else []),
             Picture(
                 "Distance of confirmed tracks and targets by scan",
                 "Generalised optimal sub-pattern assignment distance (GOSPA) and its parts, root "

@@ -28,6 +28,7 @@ from gda_tracker.evaluation.runs import (
     method_parameters,
     score_runs,
 )
+from gda_tracker.formations.parameters import FormationParameters
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.scenarios import Scenario
 from gda_tracker.termination import interrupt_noted
@@ -50,6 +51,7 @@ def monte_carlo(
     match_distance_m: float | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
+    formations: FormationParameters | None = None,
 ) -> list[ScenarioResult]:
     """Evaluate methods on scenarios.
 
@@ -71,6 +73,8 @@ def monte_carlo(
         Processes; ``None`` one per core that this process may use, 1 works in this process.
     progress
         Called in this process with the runs done and the runs in all.
+    formations
+        For automatic initiation: follow formations with these parameters, and score them too.
 
     Returns
     -------
@@ -85,6 +89,11 @@ def monte_carlo(
     methods = list(dict.fromkeys(methods))
     workers = available_cores() if workers is None else workers
     _check(scenarios, methods, runs, seed, initiation, match_distance_m, workers)
+    if formations is not None and initiation != AUTOMATIC:
+        raise ParameterError(
+            f"formations with initiation = {initiation!r}: allowed is {AUTOMATIC}, for given "
+            "tracks never end"
+        )
     for scenario in scenarios:
         for method in methods:
             method_parameters(scenario, method, initiation)
@@ -96,7 +105,7 @@ def monte_carlo(
         for begin in range(0, runs, size)
     ]
     tasks = [
-        (scenarios[index], tuple(methods), seed, chunk, initiation, distances[index])
+        (scenarios[index], tuple(methods), seed, chunk, initiation, distances[index], formations)
         for index, chunk in chunks
     ]
     answers = _in_order(tasks, min(workers, len(tasks)), len(scenarios) * runs, progress)
@@ -109,12 +118,12 @@ def monte_carlo(
     ]
 
 
-Task = tuple[Scenario, tuple[str, ...], int, range, str, float | None]
+Task = tuple[Scenario, tuple[str, ...], int, range, str, float | None, FormationParameters | None]
 
 
 def _score_chunk(task: Task) -> list[list[RunScore]]:
-    scenario, methods, seed, chunk, initiation, distance = task
-    return score_runs(scenario, methods, seed, chunk, initiation, distance)
+    scenario, methods, seed, chunk, initiation, distance, formations = task
+    return score_runs(scenario, methods, seed, chunk, initiation, distance, formations)
 
 
 def _in_order(

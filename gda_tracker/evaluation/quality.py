@@ -17,6 +17,7 @@ from gda_tracker.evaluation.consistency import (
 )
 from gda_tracker.evaluation.continuity import Continuity, score_continuity
 from gda_tracker.evaluation.extent_errors import extent_error_m
+from gda_tracker.evaluation.formation_scores import FormationScore
 from gda_tracker.evaluation.matching import match_run
 from gda_tracker.evaluation.set_distances import SetDistances, score_set_distances
 from gda_tracker.kinematics.gating import MEASUREMENT_DIMENSION
@@ -34,7 +35,8 @@ class Quality:
     ``delayed_rmse_m`` and ``smoothed_rmse_m`` are the position errors of the tracks as they are
     told N scans later, NaN where they are not, and in the light of the whole run.
     ``extent_error_m`` is the mean Gaussian Wasserstein distance of matched tracks and extended
-    targets, centre and ellipse in one; NaN without.
+    targets, centre and ellipse in one; NaN without. ``formations`` are there if they were asked
+    for.
     """
 
     continuity: Continuity
@@ -44,6 +46,7 @@ class Quality:
     delayed_rmse_m: float = math.nan
     smoothed_rmse_m: float = math.nan
     extent_error_m: float = math.nan
+    formations: FormationScore | None = None
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gda_tracker.evaluation.formation_results import formation_values
 from gda_tracker.evaluation.quality import Consistency, Quality, combine_consistency
 from gda_tracker.evaluation.statistics import mean_and_stderr, root_mean_square
 from gda_tracker.vocabulary.arrays import FloatArray
@@ -62,6 +63,9 @@ def combine_quality(runs: Sequence[Quality]) -> QualityResult:
     for name, value in values.items():
         found[name], found[f"{name}_stderr"] = mean_and_stderr(value.astype(np.float64))
 
+    formations = [run.formations for run in runs if run.formations is not None]
+    if formations:
+        found.update(formation_values(formations))
     distances = [run.distances for run in runs]
     squares = {
         "gospa_m": np.stack([run.gospa_m**2 for run in distances]),

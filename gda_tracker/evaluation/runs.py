@@ -6,14 +6,16 @@ import math
 import time
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gda_tracker.evaluation.clairvoyant import CLAIRVOYANT, Clairvoyant
+from gda_tracker.evaluation.formation_scores import follow_formations, score_formations
 from gda_tracker.evaluation.purity import confusion_counts
 from gda_tracker.evaluation.quality import Quality, score_quality
+from gda_tracker.formations.parameters import FormationParameters
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.preset import tracker_preset
 from gda_tracker.simulation.scenarios import Scenario
@@ -109,8 +111,15 @@ class Contestant:
     all runs; the track manager, the only one with state, is new in every run.
     """
 
-    def __init__(self, scenario: Scenario, method: str, initiation: str) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        method: str,
+        initiation: str,
+        formations: FormationParameters | None = None,
+    ) -> None:
         self.scenario = scenario
+        self._formations = formations
         self.method = method
         self.initiation = initiation
         self.parameters = method_parameters(scenario, method, initiation)
@@ -152,6 +161,8 @@ class Contestant:
             quality = score_quality(
                 results, recording.truth, distance, _delayed(results, ring), ring.smoother.tracks()
             )
+            if self._formations is not None:
+                quality = self._with_formations(quality, results, recording, distance)
             return RunScore(None, quality, cpu_s, len(results))
         ring.initialise(labelled_tracks(recording, skip, ring, prepared[0]))
         results, cpu_s = _track(ring, recording, skip, prepared)
@@ -161,6 +172,20 @@ class Contestant:
         delayed = _delayed(results, ring)
         revised = confusion_counts(delayed, truth, *ids) if delayed else None
         return RunScore(counts, None, cpu_s, len(tracks), delayed_counts=revised)
+
+    def _with_formations(
+        self,
+        quality: Quality,
+        results: Sequence[RingResult],
+        recording: Recording,
+        match_distance_m: float,
+    ) -> Quality:
+        assert self._formations is not None
+        assert recording.truth is not None
+        found = follow_formations(results, self._formations)
+        tracks = [result.tracks for result in results if result.tracks is not None]
+        score = score_formations(found, tracks, recording.truth, match_distance_m, self._formations)
+        return replace(quality, formations=score)
 
     def _new_ring(self, recording: Recording) -> Ring:
         ring = copy(self._ring)
@@ -179,12 +204,13 @@ def score_runs(
     runs: Iterable[int],
     initiation: str = LABELLED,
     match_distance_m: float | None = None,
+    formations: FormationParameters | None = None,
 ) -> list[list[RunScore]]:
     """Simulate runs and score every method on the same scans.
 
     Parameters
     ----------
-    scenario, methods, initiation, match_distance_m
+    scenario, methods, initiation, match_distance_m, formations
         As in :func:`~gda_tracker.evaluation.monte_carlo.monte_carlo`.
     seed, runs
         Which random numbers.
@@ -194,7 +220,7 @@ def score_runs(
     list of lists of RunScore
         Per run one score per method.
     """
-    contestants = [Contestant(scenario, method, initiation) for method in methods]
+    contestants = [Contestant(scenario, method, initiation, formations) for method in methods]
     scores = []
     for run in runs:
         recording = (

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from gda_tracker.evaluation.continuity import SETTLE_SCANS
+from gda_tracker.evaluation.formation_results import BINS, formation_tables
+from gda_tracker.evaluation.formation_results import NOTES as FORMATION_NOTES
 from gda_tracker.evaluation.results import MethodResult, ScenarioResult
 from gda_tracker.evaluation.statistics import mean_and_stderr
 from gda_tracker.simulation.scenarios import NOTES, Scenario
@@ -160,7 +162,10 @@ def quality_tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
         ("Position error by what is known", later),
         ("Consistency", consistency),
     ]
-    return [*tables, ("Ellipses of extended objects", extents)] if len(extents) > 2 else tables
+    if len(extents) > 2:
+        tables.append(("Ellipses of extended objects", extents))
+    counted = {m.method: m.quality.values for m in result.methods if m.quality is not None}
+    return tables + (formation_tables(counted) if BINS in next(iter(counted.values())) else [])
 
 
 def quality_notes(result: ScenarioResult) -> list[str]:
@@ -182,7 +187,8 @@ def quality_notes(result: ScenarioResult) -> list[str]:
     ]
     qualities = [method.quality for method in result.methods if method.quality is not None]
     ellipses = any("extent_error_m" in quality.values for quality in qualities)
-    return notes if ellipses else notes[:-1]
+    counted = any(BINS in quality.values for quality in qualities)
+    return (notes if ellipses else notes[:-1]) + (FORMATION_NOTES if counted else [])
 
 
 def _quality(result: ScenarioResult) -> list[str]:

@@ -22,6 +22,7 @@ from gda_tracker.evaluation.figures.flow import (
     gated_maps,
     pair_tables,
 )
+from gda_tracker.evaluation.figures.formations import stated_numbers
 from gda_tracker.evaluation.figures.lives import (
     belief_courses,
     plan_position,
@@ -57,6 +58,7 @@ __all__ = [
     "require_matplotlib",
     "set_distance_course",
     "stage_latencies",
+    "stated_numbers",
     "track_lives",
     "track_map",
 ]

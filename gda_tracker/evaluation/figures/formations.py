@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from gda_tracker.evaluation.figures.canvas import COLOURS, INK, canvas, colour
+from gda_tracker.evaluation.figures.canvas import COLOURS, GREY, INK, canvas, colour
 from gda_tracker.formations.found import MERGED, NUMBER_CHANGED, SPLIT, Formation, Formations
 from gda_tracker.vocabulary.arrays import FloatArray
 
@@ -169,3 +169,31 @@ def _draw_numbers(
     axes.grid(visible=False)
     axes.set_yticks(range(1, most + 1))
     return shade
+
+
+def stated_numbers(methods: Mapping[str, Sequence[Mapping[str, float]]]) -> Any:
+    """Draw the share of right numbers against the probability that was stated, by method.
+
+    The bins are those of :func:`~gda_tracker.evaluation.formation_results.calibration_bins`.
+    """
+    with canvas(5.6, 4.6) as figure:
+        axes = figure.subplots()
+        axes.plot([0.0, 1.0], [0.0, 1.0], color=GREY, lw=1.2)
+        for index, (name, bins) in enumerate(methods.items()):
+            size = np.sqrt([entry["samples"] for entry in bins])
+            axes.scatter(
+                [entry["stated"] for entry in bins],
+                [entry["right"] for entry in bins],
+                s=20.0 + 200.0 * size / size.max(),
+                color=colour(index),
+                alpha=0.75,
+                label=name,
+            )
+        axes.set(
+            xlim=(0.0, 1.03),
+            ylim=(-0.03, 1.03),
+            xlabel="stated probability of the most probable number",
+            ylabel="share of right numbers",
+        )
+        axes.legend()
+    return figure
