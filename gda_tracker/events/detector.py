@@ -6,7 +6,6 @@ from collections import Counter
 
 import numpy as np
 
-from gda_tracker.events.context import EventContext, LaneMap
 from gda_tracker.events.found import Design, TrackEvent, TrackEvents
 from gda_tracker.events.lane_test import LaneTest
 from gda_tracker.events.motion_tests import AccelerationTest, StopTest
@@ -14,6 +13,7 @@ from gda_tracker.events.parameters import EventParameters
 from gda_tracker.events.plan_test import PlanTest
 from gda_tracker.events.samples import SampleClock, States
 from gda_tracker.events.split_test import SplitTest
+from gda_tracker.kinematics.context import Context, LaneMap
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
 from gda_tracker.vocabulary.tracks import CONFIRMED, Tracks
 
@@ -46,9 +46,9 @@ class TrackEventDetector:
         What was left out, by reason, and events by kind.
     """
 
-    def __init__(self, parameters: EventParameters, context: EventContext | None = None) -> None:
+    def __init__(self, parameters: EventParameters, context: Context | None = None) -> None:
         self.parameters = parameters
-        self.context = context or EventContext()
+        self.context = context or Context()
         self.counters: Counter[str] = Counter()
         test = parameters.thresholds()
         self._design = Design(

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from gda_tracker.events.context import LaneMap, LanePlaces
 from gda_tracker.events.found import KEEPS_LANE, LEAVES_LANE, WRONG_WAY, Finding
 from gda_tracker.events.parameters import EventParameters
 from gda_tracker.events.samples import States
@@ -27,6 +26,7 @@ from gda_tracker.events.sequential import (
     bound_increments,
     test_columns,
 )
+from gda_tracker.kinematics.context import LaneMap, LanePlaces
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 
 LEFT, RIGHT, BACKWARD = range(3)

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gda_tracker.events.context import FORWARD, Lane, LaneMap, Plan
 from gda_tracker.events.lane_test import LaneTest
 from gda_tracker.events.motion_tests import AccelerationTest, StopTest
 from gda_tracker.events.parameters import EventParameters
 from gda_tracker.events.plan_test import PlanTest
 from gda_tracker.events.samples import SampleClock, States
 from gda_tracker.events.sequential import DIRECTION_LOSS, H0, H1, OPEN
+from gda_tracker.kinematics.context import FORWARD, Lane, LaneMap, Plan
 from gda_tracker.kinematics.motion_models import constant_velocity
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray, IntArray
 

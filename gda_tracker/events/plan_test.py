@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from gda_tracker.events.context import Plan
 from gda_tracker.events.found import OFF_PLAN, ON_PLAN, Finding
 from gda_tracker.events.parameters import EventParameters
 from gda_tracker.events.samples import States
@@ -25,6 +24,7 @@ from gda_tracker.events.sequential import (
     departure_increments,
     test_columns,
 )
+from gda_tracker.kinematics.context import Plan
 
 _COLUMNS = test_columns(DIRECTION_COUNT)
 _NEW = np.zeros((), dtype=_COLUMNS)

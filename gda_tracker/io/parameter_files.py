@@ -16,17 +16,15 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from gda_tracker.io.extended_input import fault_of_clusters
 from gda_tracker.parameters import ParameterError, Specification, from_mapping, specifications
 from gda_tracker.resources import resource
+from gda_tracker.yaml_text import YamlError, load_yaml
 
 PARAMETERS = "ros__parameters"
 WILDCARDS = ("**", "*")
@@ -231,31 +229,6 @@ def _flatten(parameters: Mapping[Any, Any], prefix: str = "") -> Iterator[tuple[
             yield f"{prefix}{name}", value
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML as ROS reads it (1e-6 is a number); a key that occurs twice is an error."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: list[Any] = []
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"{key} occurs twice", key_node.start_mark
-                )
-            seen.append(key)
-        return super().construct_mapping(node, deep)
-
-
-def _exponent(loader: _Loader, node: yaml.ScalarNode) -> float:
-    return float(loader.construct_scalar(node))
-
-
-_Loader.add_constructor("!exponent", _exponent)
-_Loader.add_implicit_resolver(
-    "!exponent", re.compile(r"^[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
-)
-
-
 def _load(path: Path) -> Any:
     try:
         text = path.read_text(encoding="utf-8")
@@ -275,12 +248,9 @@ def read_yaml(text: str, source: str) -> Any:
         If it is not YAML, or a key occurs twice.
     """
     try:
-        return yaml.load(text, _Loader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f" in line {mark.line + 1}" if mark is not None else ""
-        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise ParameterFileError(f"{source}: not YAML{line}: {problem}") from error
+        return load_yaml(text, source)
+    except YamlError as error:
+        raise ParameterFileError(str(error)) from error
 
 
 # --- writing --------------------------------------------------------------------------------------

@@ -11,18 +11,18 @@ from typing import Any
 from gda_tracker_msgs import msg
 from rclpy.lifecycle import TransitionCallbackReturn
 
-from gda_tracker.events.context import EventContext
 from gda_tracker.events.detector import TrackEventDetector, TracksRejected
 from gda_tracker.events.parameters import EventParameters
 from gda_tracker.io.context_files import read_context_file
 from gda_tracker.io.event_messages import events_to_message
 from gda_tracker.io.messages import MessageError, tracks_from_message
+from gda_tracker.kinematics.context import Context
 from gda_tracker.nodes.base import STAGE_ERRORS, RingNode, spin_node
 from gda_tracker.nodes.qualities import stream
 from gda_tracker.nodes.services import offer
 
 
-def context_of(parameters: EventParameters) -> EventContext:
+def context_of(parameters: EventParameters) -> Context:
     """Return the lanes and plans that the parameters name.
 
     Raises
@@ -31,7 +31,7 @@ def context_of(parameters: EventParameters) -> EventContext:
         If there is a file and it cannot be used.
     """
     path = parameters.context_file
-    return read_context_file(path) if path else EventContext()
+    return read_context_file(path) if path else Context()
 
 
 class TrackEventsNode(RingNode):

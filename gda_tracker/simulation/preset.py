@@ -68,6 +68,8 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
         manager["blind_speed_mps"] = told.blind_speed_mps
     if sensor.range_rate_std_mps:
         manager["range_rate_std_mps"] = sensor.range_rate_std_mps
+    if told.context_file:
+        manager["context_file"] = told.context_file
     if told.imm_standstill:
         manager["imm_models"] = ["constant_velocity", "constant_velocity", "standstill"]
         manager["imm_process_noise_factors"] = STANDSTILL_NOISE_FACTORS

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -225,6 +225,11 @@ class TrackerKnowledge:
         "blind speed as the tracker is told", default=0.0, unit="m/s", minimum=0.0
     )
     imm_standstill: bool = key("filter imm: a third model that has lost its speed", default=False)
+    context_file: str = key(
+        "lanes and plans as the tracker is told, a path relative to the scenario's file; empty: "
+        "none",
+        default="",
+    )
 
 
 @dataclass(frozen=True)
@@ -329,7 +334,11 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
         raise ScenarioError(f"scenario {path}: cannot be read: {error}") from None
     except yaml.YAMLError as error:
         raise ScenarioError(f"scenario {path}: not valid YAML: {_one_line(error)}") from None
-    return scenario_from_mapping(content, f"scenario {path}")
+    scenario = scenario_from_mapping(content, f"scenario {path}")
+    if not scenario.tracker.context_file:
+        return scenario
+    told = path.resolve().parent / scenario.tracker.context_file
+    return replace(scenario, tracker=replace(scenario.tracker, context_file=str(told)))
 
 
 def scenario_from_mapping(content: Any, where: str = "scenario") -> Scenario:

@@ -229,7 +229,9 @@ def hypotheses_of_births(
             parameters.confirmation_hits,
             parameters.confirmation_scans,
         )
-    return with_models(started, parameters) if has_models(parameters) else started
+    if not has_models(parameters):
+        return started
+    return with_models(started, parameters, scan.key.stamp_ns)
 
 
 def _first_beliefs(

@@ -19,6 +19,7 @@ from gda_tracker.kinematics.model_sets import HEAD, follow_head
 from gda_tracker.kinematics.motion_models import CV, GPB2
 from gda_tracker.kinematics.range_rate import RangeRates, update_with_range_rate
 from gda_tracker.kinematics.sensor_models import PolarMeasurements, innovations
+from gda_tracker.tracking.context_models import predict_keepers, with_keepers
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.parameter_groups.motion import ACCELERATION, PER_SCAN
 from gda_tracker.tracking.parameters import TrackManagerParameters
@@ -27,15 +28,20 @@ from gda_tracker.vocabulary.arrays import FloatArray, Int32Array, IntArray
 
 def has_models(parameters: TrackManagerParameters) -> bool:
     """Whether hypotheses are mixtures over motion models."""
-    return parameters.filter != CV
+    return parameters.filter != CV or bool(parameters.courses.names)
 
 
-def with_models(table: HypothesisTable, parameters: TrackManagerParameters) -> HypothesisTable:
+def with_models(
+    table: HypothesisTable, parameters: TrackManagerParameters, stamp_ns: int | None = None
+) -> HypothesisTable:
     """Return hypotheses that are mixtures over the models of the parameters.
 
     Those of other models, or of none, start anew: all models have the moments, and the weights are
-    the shares of time that a target spends in each in the long run.
+    the shares of time that a target spends in each in the long run. ``stamp_ns`` is the time of the
+    states, for those that have a plan.
     """
+    if parameters.courses.names:
+        return with_keepers(table, _long_run_shares(parameters), stamp_ns, parameters)
     models, h = parameters.model_set, len(table)
     if table.models == models.names and table.model_weight.shape[1] == len(models):
         return table
@@ -50,6 +56,8 @@ def with_models(table: HypothesisTable, parameters: TrackManagerParameters) -> H
 
 def _long_run_shares(parameters: TrackManagerParameters) -> FloatArray:
     """Share of time (M,) that a target spends in each model."""
+    if parameters.filter == CV:
+        return np.ones(1)
     if parameters.imm_switching != PER_SCAN:
         sojourn = np.array(parameters.imm_mean_sojourn_s)
         return np.asarray(sojourn / sojourn.sum(), dtype=np.float64)
@@ -73,12 +81,24 @@ def without_models(table: HypothesisTable) -> HypothesisTable:
 
 
 def predict_models(
-    table: HypothesisTable, dt_s: float, parameters: TrackManagerParameters
+    table: HypothesisTable, dt_s: float, parameters: TrackManagerParameters, stamp_ns: int = 0
 ) -> HypothesisTable:
-    """Return the hypotheses ``dt_s`` [s] later (Koch 2014, (3.28)-(3.35))."""
-    table = with_models(table, parameters)
+    """Return the hypotheses ``dt_s`` [s] later (Koch 2014, (3.28)-(3.35)).
+
+    ``stamp_ns`` is the time predicted to.
+    """
+    table = with_models(table, parameters, stamp_ns - round(dt_s * 1e9))
     if not len(table) or dt_s == 0.0:
         return table
+    if parameters.courses.names:
+        predicted = table.copy()
+        switching = np.ones((1, 1))
+        if parameters.filter != CV:
+            switching = switching_matrix(table, dt_s, parameters)
+        shares = _long_run_shares(parameters)
+        mixture = predict_keepers(table, switching, shares, dt_s, stamp_ns, parameters)
+        set_models(predicted, *mixture)
+        return predicted
     models = parameters.model_set
     switching = switching_matrix(table, dt_s, parameters)
     transition, noise = models.matrices(dt_s)

@@ -65,7 +65,8 @@ def open_scan(
         started, dt_s = True, 0.0
         table = table.select(np.zeros(len(table), dtype=bool))
     table = fit(table, p.mht_scans if p.decision == "mht" else 0)
-    last, table = table, with_window(predict_states(table, dt_s, p), p.window_rows)
+    stamp_ns = scan.key.stamp_ns
+    last, table = table, with_window(predict_states(table, dt_s, p, stamp_ns), p.window_rows)
     table = predict_extents(last, table, dt_s, p)
     table, scan = with_strengths(table, dt_s, p), with_signals(scan, p, counters)
     density = densities_of_hypotheses(state.clutter, scan, table.mean, p)

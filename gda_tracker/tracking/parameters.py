@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gda_tracker.tracking.parameter_groups.blind_zone import BlindZoneParameters
+from gda_tracker.tracking.parameter_groups.context import ContextParameters
 from gda_tracker.tracking.parameter_groups.door import DoorParameters
 from gda_tracker.tracking.parameter_groups.extended import ExtendedParameters
 from gda_tracker.tracking.parameter_groups.history import HistoryParameters
@@ -28,6 +29,7 @@ class TrackManagerParameters(
     MhtParameters,
     LifeParameters,
     ExtendedParameters,
+    ContextParameters,
     MotionParameters,
     ResolutionParameters,
     SensorModelParameters,
@@ -49,3 +51,4 @@ class TrackManagerParameters(
         DoorParameters.check(self)
         OperationParameters.check(self)
         self.check_extended(self.max_detections_per_scan, self.clutter_density_per_m_rad)
+        self.check_context(self.filter, self.tracking_frame)

@@ -23,19 +23,21 @@ from gda_tracker.vocabulary.scans import Scan
 
 
 def predict_states(
-    table: HypothesisTable, dt_s: float, parameters: TrackManagerParameters
+    table: HypothesisTable, dt_s: float, parameters: TrackManagerParameters, stamp_ns: int = 0
 ) -> HypothesisTable:
     """Return the hypotheses ``dt_s`` [s] later; the table given stays as it is.
 
-    Its rows get, or lose, the models of the filter that the parameters ask for.
+    Its rows get, or lose, the models of the filter that the parameters ask for. ``stamp_ns`` is the
+    time predicted to, for those that have a plan.
     """
     if table.spread > 1:
         parts, weight = parts_of(table)
+        parts.track_id = np.repeat(table.track_id, table.spread)
         predicted = table.copy()
-        with_parts(predicted, predict_states(parts, dt_s, parameters), weight)
+        with_parts(predicted, predict_states(parts, dt_s, parameters, stamp_ns), weight)
         return predicted
     if has_models(parameters):
-        return predict_models(table, dt_s, parameters)
+        return predict_models(table, dt_s, parameters, stamp_ns)
     if table.model_weight.shape[1]:
         table = without_models(table)
     if not len(table) or dt_s == 0.0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gda_tracker.events.context import FORWARD, EventContext, Lane, Plan
+from gda_tracker.kinematics.context import FORWARD, Context, Lane, Plan
 from gda_tracker.vocabulary.scans import ScanKey
 from gda_tracker.vocabulary.tracks import Tracks
 
@@ -20,7 +20,7 @@ def plan(track_id=1, speed=10.0):
     return Plan("route", track_id, np.array([0, 260 * 10**9]), points, np.full(2, 20.0), 20.0)
 
 
-CONTEXT = EventContext("map", (LANE,), ())
+CONTEXT = Context("map", (LANE,), ())
 
 
 def tracks(time_s, ids, mean, *, covariance=COVARIANCE, detected=True, status=1, epoch=1):

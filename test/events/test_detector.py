@@ -19,9 +19,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from gda_tracker.events.context import ANY_DIRECTION, EventContext, Lane, LaneMap
 from gda_tracker.events.detector import TrackEventDetector, TracksRejected
 from gda_tracker.events.parameters import EventParameters
+from gda_tracker.kinematics.context import ANY_DIRECTION, Context, Lane, LaneMap
 from gda_tracker.parameters import ParameterError
 
 PARAMETERS = EventParameters()
@@ -70,7 +70,7 @@ def test_the_wrong_way_is_told_once_and_only_where_the_lane_has_a_direction():
     times = STEP_S * np.arange(8)
     back = np.column_stack([2000.0 - 10.0 * times, 0 * times, -10 + 0 * times, 0 * times])
     assert [k for k, *_ in happenings(detector(tests=["lanes"]), walk(back))] == ["wrong_way"]
-    both = EventContext("map", (replace(LANE, direction=ANY_DIRECTION),))
+    both = Context("map", (replace(LANE, direction=ANY_DIRECTION),))
     assert [k for k, *_ in happenings(detector(both), walk(back))] == ["keeps_lane"]
 
 
@@ -78,14 +78,14 @@ def test_a_plan_is_kept_left_and_taken_up_again():
     times = STEP_S * np.arange(18)
     y = np.where((times > 70.0) & (times < 160.0), 80.0, 0.0)
     states = np.column_stack([10.0 * times, y, 10 + 0 * times, 0 * times])
-    tested = detector(EventContext("map", (), (plan(),)), tests=["plans"])
+    tested = detector(Context("map", (), (plan(),)), tests=["plans"])
     kinds = [kind for kind, *_ in happenings(tested, walk(states, ids=(1, 2)))]
     assert kinds == ["on_plan", "off_plan", "on_plan"]
     # Behind the plan in time is off it, too; another track has none.
     late = np.column_stack([10.0 * times - 80.0, 0 * y, 10 + 0 * times, 0 * times])
-    tested = detector(EventContext("map", (), (plan(),)), tests=["plans"])
+    tested = detector(Context("map", (), (plan(),)), tests=["plans"])
     assert [k for k, *_ in happenings(tested, walk(late))] == ["off_plan"]
-    tested = detector(EventContext("map", (), (plan(),)), tests=["plans"])
+    tested = detector(Context("map", (), (plan(),)), tests=["plans"])
     assert not happenings(tested, walk(late, ids=(2, 3)))
 
 
@@ -138,7 +138,7 @@ def test_events_are_the_same_in_another_frame(angle, shift):
     states = on_lane_then_off()
     moved = states @ both.T + [*shift, 0, 0]
     lane = replace(LANE, points=LANE.points @ rotation.T + np.array(shift))
-    context = EventContext("map", (lane,), ())
+    context = Context("map", (lane,), ())
     one, other = detector(), detector(context)
     covariance = both @ COVARIANCE @ both.T
     assert happenings(one, walk(states)) == happenings(other, walk(moved, covariance=covariance))
@@ -228,7 +228,7 @@ def test_a_broken_track_is_left_out_and_counted_and_the_others_go_on():
 def test_extreme_tracks_neither_warn_nor_fail(size):
     mean = np.array([[size, -size, size, -size], [0, 0, 0, 0]])
     covariance = np.stack([np.diag([size] * 4), np.diag([1e-11, 1e11, 1e11, 1e-11])])
-    tested = detector(EventContext("map", (LANE,), (plan(),)))
+    tested = detector(Context("map", (LANE,), (plan(),)))
     for k in range(20):
         tested.take(tracks(1e7 * k, [1, 2], mean, covariance=covariance))
     assert "event_track_not_finite" not in tested.counters

@@ -33,6 +33,8 @@ def test_shipped_scenarios_load_by_name_and_path():
         "formations",
         "mixed_sensors",
         "moving_emitter",
+        "road_network",
+        "road_network_untold",
         "stop_and_go",
         "stop_and_go_unaware",
         "two_sensors",

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ UNRESOLVED = {**JPDA, "resolution_range_m": 200.0, "resolution_azimuth_rad": 0.0
 STRENGTH = {"signal_strength": "swerling_1"}
 SEQUENTIAL = {"extraction": "sequential"}
 BELIEF_PROPAGATION = {"association": {"max_exact_size": 1}}
+MAP = str(Path(__file__).with_name("crossing_context.yaml"))
+WITH_MAP = {"context_file": MAP}
 PER_SCAN = {"filter": "imm", "imm_switching": "per_scan", "imm_transition": [0.9, 0.1, 0.1, 0.9]}
 
 
@@ -245,6 +248,12 @@ CASES: dict[str, dict[str, Case]] = {
         "max_speed_mps": Case(200.0, later=True),
         "detection_probability": Case(0.5, JPDA, crowd),
         "blind_speed_mps": Case(10.0),
+        "context_file": Case(MAP),
+        "lane_keeping_share": Case(0.2, WITH_MAP),
+        "lane_keeping_s": Case(5.0, WITH_MAP),
+        "lane_correlation_s": Case(3.0, WITH_MAP),
+        "plan_keeping_share": Case(0.2, WITH_MAP),
+        "plan_keeping_s": Case(5.0, WITH_MAP),
         "blind_longest_s": Case(1.0, {"blind_speed_mps": 50.0}, later=True),
         "detection_probability_map": Case("estimated", JPDA, crowd, later=True),
         "detection_memory_scans": Case(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class Plan:
 
     ``time_ns`` (K,) rising, K >= 2; ``points`` (K, 2) and ``tolerance_m`` (K,), the distance that
     still keeps the plan. An object is surely off it ``margin_m`` beyond the tolerance.
+    ``tolerance_s`` (K,), 0 where nothing is said, is how much too early or too late it may be.
     """
 
     name: str
@@ -42,6 +43,22 @@ class Plan:
     points: FloatArray
     tolerance_m: FloatArray
     margin_m: float
+    tolerance_s: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def velocity_mps(self) -> FloatArray:
+        """Planned velocity (K - 1, 2) between the waypoints [m/s]."""
+        return np.diff(self.points, axis=0) / (np.diff(self.time_ns) / 1e9)[:, None]
+
+    @property
+    def tolerance_along_m(self) -> FloatArray:
+        """Distance (K,) that keeps the plan with what may be early or late on the way [m]."""
+        if not self.tolerance_s.any():
+            return self.tolerance_m
+        speed = np.hypot(*self.velocity_mps.T)
+        # At a waypoint the faster of the two ways that meet there.
+        fastest = np.maximum(np.append(speed, 0.0), np.append(0.0, speed))
+        return self.tolerance_m + self.tolerance_s * fastest
 
     def at(self, stamp_ns: int) -> tuple[FloatArray, float] | None:
         """Return position (2,) and tolerance at a time, ``None`` before and after the plan."""
@@ -51,11 +68,11 @@ class Plan:
         now = float(stamp_ns - int(self.time_ns[0]))
         times = (self.time_ns - self.time_ns[0]).astype(np.float64)
         point = np.array([np.interp(now, times, self.points[:, axis]) for axis in (0, 1)])
-        return point, float(np.interp(now, times, self.tolerance_m))
+        return point, float(np.interp(now, times, self.tolerance_along_m))
 
 
 @dataclass(frozen=True, slots=True)
-class EventContext:
+class Context:
     """Lanes and plans of one tracking frame."""
 
     frame_id: str = ""
