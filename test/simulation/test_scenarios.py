@@ -24,6 +24,8 @@ def content() -> dict:
 
 def test_shipped_scenarios_load_by_name_and_path():
     assert list(shipped_scenarios()) == [
+        "class_by_motion",
+        "class_by_motion_unaware",
         "closely_spaced_targets",
         "crossing_bearings",
         "crossing_targets",
@@ -126,9 +128,7 @@ def test_overlapping_turns_are_refused(content):
 
 
 def test_a_file_that_is_not_there():
-    with pytest.raises(
-        ScenarioError, match="shipped are closely_spaced_targets, crossing_bearings"
-    ):
+    with pytest.raises(ScenarioError, match="shipped are class_by_motion, class_by_motion_unaware"):
         load_scenario("crossing_target")
 
 
