@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from gda_tracker.parameters import ParameterError
-from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.simulation.scenarios import NOT_KNOWN, KnownClass, Scenario
 from gda_tracker.simulation.sensor_sections import sensor_parameters
 
 FALSE_ALARM = "false_alarm"
@@ -74,6 +74,8 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
         manager["imm_models"] = ["constant_velocity", "constant_velocity", "standstill"]
         manager["imm_process_noise_factors"] = STANDSTILL_NOISE_FACTORS
         manager["imm_mean_sojourn_s"] = STANDSTILL_SOJOURN_S
+    if told.class_motion != "off":
+        manager.update(_motion(told.class_motion, scenario.attribute.classes))
     if scenario.reach is not None:
         manager["initiation"] = initiation = "automatic"
         manager.update(sensor_parameters(scenario.sensors, scenario.reach))
@@ -83,6 +85,24 @@ def tracker_preset(scenario: Scenario, initiation: str = "labelled") -> dict[str
     if initiation == "labelled":
         manager["deletion_misses"] = 0
     return {"track_manager": manager, "rcs_fuzzifier": _classes(scenario)}
+
+
+def _motion(reading: str, classes: tuple[KnownClass, ...]) -> dict[str, Any]:
+    """How classes move, of those of which something is known."""
+    ranges = {
+        "class_speed_mps": [known.speed_mps for known in classes],
+        "class_acceleration_mps2": [known.acceleration_mps2 for known in classes],
+    }
+    told = [any(each != NOT_KNOWN for each in rows) for rows in zip(*ranges.values(), strict=True)]
+    chosen: dict[str, Any] = {
+        "class_motion": reading,
+        "class_motion_names": [k.name for k, some in zip(classes, told, strict=True) if some],
+    }
+    for name, rows in ranges.items():
+        kept = [row for row, some in zip(rows, told, strict=True) if some]
+        if any(row != NOT_KNOWN for row in kept):
+            chosen[name] = [float(number) for row in kept for number in row]
+    return chosen
 
 
 def _classes(scenario: Scenario) -> dict[str, Any]:

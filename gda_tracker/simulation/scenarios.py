@@ -29,6 +29,7 @@ from gda_tracker.simulation.signal_strengths import check_strengths
 
 NOTES = "monte_carlo"
 NOTES_PREFIX = "expected_"
+NOT_KNOWN = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -230,6 +231,11 @@ class TrackerKnowledge:
         "none",
         default="",
     )
+    class_motion: str = key(
+        "whether speeds and accelerations of the classes are evidence on the class of a track",
+        default="off",
+        choices=("off", "ranges", "densities"),
+    )
 
 
 @dataclass(frozen=True)
@@ -239,6 +245,15 @@ class KnownClass:
     name: str = key("name of the class")
     rcs_mean_m2: float = key("mean RCS", unit="m2", minimum=0.0, minimum_excluded=True)
     rcs_swerling: int = key("Swerling model of the RCS", minimum=1, maximum=4)
+    speed_mps: tuple[float, float, float, float] = key(
+        "range of its speeds, a <= b <= c <= d; zeros: not known",
+        default=NOT_KNOWN,
+        unit="m/s",
+        minimum=0.0,
+    )
+    acceleration_mps2: tuple[float, float, float, float] = key(
+        "the same of its greatest accelerations", default=NOT_KNOWN, unit="m/s2", minimum=0.0
+    )
 
 
 @dataclass(frozen=True)

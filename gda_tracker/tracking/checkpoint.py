@@ -25,6 +25,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gda_tracker.tracking.class_motion import (
+    histories_from,
+    histories_to_arrays,
+    histories_to_plain,
+)
 from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import ROW_FIELDS, HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
@@ -77,6 +82,7 @@ def save(manager: TrackManager, path: Path) -> None:
     arrays |= {f"measured_clutter_{name}": getattr(measured, name) for name in _MEASURED_FIELDS}
     arrays |= {f"couplings_{name}": getattr(state.couplings, name) for name in _COUPLING_FIELDS}
     arrays |= {f"looks_{name}": getattr(state.looks, name) for name in _LOOKS_FIELDS}
+    arrays |= histories_to_arrays(state.motion)
     arrays["deleted_track_id"] = state.deleted_track_id
     for place, generation in enumerate(state.generations):
         arrays |= _table_arrays(f"generation{place}", generation.table)
@@ -187,6 +193,7 @@ def _rest(manager: TrackManager) -> dict[str, Any]:
             }
             for generation in state.generations
         ],
+        "motion": histories_to_plain(state.motion),
         "last_sensors": state.last_sensors,
         "clutter_sensors": state.clutter.sensor_ids,
         "measured_clutter_sensors": state.measurement_clutter.sensor_ids,
@@ -272,6 +279,7 @@ def _state(rest: dict[str, Any], arrays: dict[str, np.ndarray], epoch: int) -> M
         deleted_track_id=arrays["deleted_track_id"],
         initialised_from=None if origin is None else (bytes.fromhex(origin[0]), origin[1]),
         generations=generations,
+        motion=histories_from(rest.get("motion", []), arrays),
         desk=desk_from_plain(rest["statements"]),
     )
 

@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from gda_tracker.tracking.answers import Inconsistent, check_answers
+from gda_tracker.tracking.class_motion import histories_after, with_class_motion
 from gda_tracker.tracking.closing import (
     GAVE_UP,
     TRACKED,
@@ -380,6 +381,9 @@ class TrackManager:
         if closed.outcome != GAVE_UP:
             state.desk = state.desk.without(opened.scan.statements)
         key = opened.scan.key
+        state.motion = histories_after(
+            state.motion, table, key.stamp_ns, self.parameters, self.counters
+        )
         others = state.last_sensors if key.stamp_ns == state.last_ns else ()
         state.last_sensors = (*others, key.sensor_id)
         state.last_key, state.last_ns = key, key.stamp_ns
@@ -417,7 +421,8 @@ class TrackManager:
         table = state.table
         if table.detection_numbers.shape[1]:
             table = table.select(table.chosen)
-        return self._tell(table, state.last_key, state.deleted_track_id, state.degraded)
+        tracks = self._tell(table, state.last_key, state.deleted_track_id, state.degraded)
+        return with_class_motion(tracks, state.motion, state.table.chosen, self.parameters)
 
     def rest_of_delayed(self) -> list[Tracks]:
         """Tracks of the last scans with their revised past, as if no further scan came."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gda_tracker.tracking.class_motion import MotionHistories
 from gda_tracker.tracking.clutter import ClutterMap
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.initiation import StartPoints
@@ -41,6 +42,7 @@ class ManagerState:
 
     ``generations`` are the trees of the scans before the last closed one, oldest first; there are
     none but under ``mht``, and no ``couplings`` of tracks that may have shared detections.
+    ``motion`` is there with ``class_motion`` alone.
     """
 
     table: HypothesisTable = field(default_factory=HypothesisTable)
@@ -62,3 +64,4 @@ class ManagerState:
     generations: list[Generation] = field(default_factory=list)
     desk: StatementDesk = field(default_factory=StatementDesk)
     couplings: Couplings = field(default_factory=Couplings)
+    motion: MotionHistories | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gda_tracker.tracking.parameter_groups.blind_zone import BlindZoneParameters
+from gda_tracker.tracking.parameter_groups.class_motion import ClassMotionParameters
 from gda_tracker.tracking.parameter_groups.context import ContextParameters
 from gda_tracker.tracking.parameter_groups.door import DoorParameters
 from gda_tracker.tracking.parameter_groups.extended import ExtendedParameters
@@ -26,6 +27,7 @@ class TrackManagerParameters(
     OperationParameters,
     DoorParameters,
     HistoryParameters,
+    ClassMotionParameters,
     MhtParameters,
     LifeParameters,
     ExtendedParameters,
@@ -50,5 +52,6 @@ class TrackManagerParameters(
         HistoryParameters.check(self)
         DoorParameters.check(self)
         OperationParameters.check(self)
+        self.check_class_motion()
         self.check_extended(self.max_detections_per_scan, self.clutter_density_per_m_rad)
         self.check_context(self.filter, self.tracking_frame)

@@ -20,6 +20,7 @@ from gda_tracker.attributes.fusion import AttributeFusion, AttributeFusionParame
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.kinematics.gating import GatedPairs, gate
 from gda_tracker.parameters import ParameterError, from_mapping, specifications, to_mapping
+from gda_tracker.tracking.class_motion import fault_of_class_motion
 from gda_tracker.tracking.manager import TrackManager
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.tracking.smoothing import Smoother
@@ -87,7 +88,7 @@ def stage_parameters(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, A
     ------
     ParameterError
         For an unknown node or parameter, a value that is not allowed, or a class transition of
-        another number of classes than the fuzzifier's.
+        another number of classes than the fuzzifier's, or motion of classes that it has not.
     """
     for node in parameters:
         if node not in STAGE_TABLES:
@@ -96,7 +97,9 @@ def stage_parameters(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, A
         node: from_mapping(table, parameters.get(node, {})) for node, table in STAGE_TABLES.items()
     }
     transition = transition_matrix(tables["attribute_fusion"].class_transition)
-    fault = fault_of_transition(transition, tables["rcs_fuzzifier"].class_names)
+    names = tables["rcs_fuzzifier"].class_names
+    fault = fault_of_transition(transition, names)
+    fault = fault or fault_of_class_motion(tables["track_manager"], names)
     if fault:
         raise ParameterError(fault)
     return tables

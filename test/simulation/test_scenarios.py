@@ -26,6 +26,8 @@ def test_shipped_scenarios_load_by_name_and_path():
     assert list(shipped_scenarios()) == [
         "busy_coast",
         "busy_coast_given",
+        "class_by_motion",
+        "class_by_motion_unaware",
         "closely_spaced_targets",
         "crossing_bearings",
         "crossing_targets",
@@ -130,9 +132,7 @@ def test_overlapping_turns_are_refused(content):
 
 
 def test_a_file_that_is_not_there():
-    with pytest.raises(
-        ScenarioError, match="shipped are busy_coast, .*closely_spaced_targets, crossing_bearings"
-    ):
+    with pytest.raises(ScenarioError, match="shipped are busy_coast, .*class_by_motion, class_by"):
         load_scenario("crossing_target")
 
 

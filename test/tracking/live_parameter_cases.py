@@ -228,6 +228,11 @@ class Case:
         return {"track_manager": {**QUIET, **self.base}, **self.also}
 
 
+CLASS_MOTION = {
+    "attribute_term": "bayes",
+    "class_motion_names": ["fighter", "cargo"],
+    "class_speed_mps": [0.0, 0.0, 15.0, 20.0, 0.0, 0.0, 100.0, 200.0],
+}
 EXTENDED = {
     "extended_objects": "random_matrix",
     "cell_least_distance_m": 5.0,
@@ -255,6 +260,8 @@ CASES: dict[str, dict[str, Case]] = {
         "plan_keeping_share": Case(0.2, WITH_MAP),
         "plan_keeping_s": Case(5.0, WITH_MAP),
         "blind_longest_s": Case(1.0, {"blind_speed_mps": 50.0}, later=True),
+        "class_motion": Case("ranges", CLASS_MOTION, later=True),
+        "class_motion_reliability": Case(0.5, {**CLASS_MOTION, "class_motion": "ranges"}),
         "detection_probability_map": Case("estimated", JPDA, crowd, later=True),
         "detection_memory_scans": Case(
             3.0, {**JPDA, "detection_probability_map": "estimated"}, crowd, later=True

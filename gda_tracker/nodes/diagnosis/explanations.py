@@ -29,6 +29,12 @@ _DRIVER = "mend the driver: msg_schemas/msg/DetectionArray.msg states every fiel
 _MODEL = "change the driver, or the sensor's entry in sensor_models (docs/sensor-models.md)"
 
 EXPLANATIONS: dict[str, Explanation] = {
+    # classes
+    "class_motion_unknown_class": _of(
+        ERROR,
+        "class_motion_names speaks of a class that class_names of rcs_fuzzifier has not",
+        "make class_motion_names names of class_names (docs/class-motion.md)",
+    ),
     # scans that were refused as a whole
     "rejected_late": _of(
         ERROR,
