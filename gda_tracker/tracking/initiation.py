@@ -285,12 +285,21 @@ def _allowed_pairs(
     return older[allowed], newer[allowed], distance[allowed] / reach[allowed]
 
 
+def _numbered(values: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the distinct values, rising, and the place of each of them (P,) among these.
+
+    As ``np.unique`` does, which sorts; these are rows of arrays that are about as long as they are.
+    """
+    there = np.zeros(int(values.max()) + 1, dtype=np.bool_)
+    there[values] = True
+    return np.flatnonzero(there), (np.cumsum(there) - 1)[values]
+
+
 def _match(older: IntArray, newer: IntArray, cost: FloatArray) -> tuple[IntArray, IntArray]:
     """Choose from the allowed pairs the most, with the least cost; sorted by the older row."""
     if not len(cost):
         return older, newer
-    rows, row = np.unique(older, return_inverse=True)
-    columns, column = np.unique(newer, return_inverse=True)
+    (rows, row), (columns, column) = _numbered(older), _numbered(newer)
     # Leaving a row alone costs more than any other choice of all the rows.
     alone = 2.0 * (len(rows) + 1)
     if len(rows) * len(columns) <= DENSE_CELLS:

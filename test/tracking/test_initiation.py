@@ -316,3 +316,13 @@ def test_bounded_speed_matters_only_where_speeds_are_unknown():
         )
         bounded, _ = bounded_speed(state, covariance, 10.0)
         assert low <= bounded[0, 2] <= high
+
+
+def test_rows_are_numbered_as_by_unique():
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        values = rng.integers(0, rng.integers(1, 30), rng.integers(1, 40))
+        distinct, place = initiation._numbered(values)
+        expected, inverse = np.unique(values, return_inverse=True)
+        assert np.array_equal(distinct, expected)
+        assert np.array_equal(place, inverse.ravel())
