@@ -9,6 +9,7 @@ import numpy as np
 
 from gda_tracker.events.monte_carlo import QUANTITIES, Followed, count_decisions, matched_tracks
 from scripts import measure_events_in_the_ring as ring_report
+from scripts import measure_stops as stops
 from scripts import measure_track_events as report
 
 
@@ -85,3 +86,23 @@ def test_tracks_of_the_ring_are_followed_with_their_errors():
     )
     assert (one.h0, one.h1) == (other.h0, other.h1)
     assert one.total > 50
+
+
+def test_the_table_of_stops_is_that_of_its_figures_and_they_are_told():
+    found = json.loads(stops.FIGURES.read_text())
+    assert stops.table(found) in stops.PAGE.read_text()
+    assert found["runs"] >= 8
+    assert tuple(found["methods"]) == stops.METHODS
+    for entry in found["methods"].values():
+        assert entry["states alone"]["told"][0] < 0.1
+        one = entry["and missed detections"]
+        assert one["told"][0] > 0.8
+        # Not more than the design allows: 0.001 a test, of a few scans each.
+        assert one["false"] <= 3
+
+
+def test_a_vehicle_stands_from_when_it_is_slow_until_it_is_not():
+    """At 15 m/s it brakes with 1.5 m/s2 from scan 25, at 48 s: 1 m/s is reached after 14/1.5 s."""
+    begin, end = stops.standing(stops.load_scenario("stop_and_go"))[0]
+    assert math.isclose(begin, 48.0 + 14.0 / 1.5)
+    assert math.isclose(end, 88.0 + 1.0 / 1.5)

@@ -154,6 +154,7 @@ class TrackEventDetector:
             covariance[good] * self.parameters.covariance_factor,
             detected,
             np.zeros(len(good), dtype=bool),
+            not tracks.degraded,
         )
         return states, tracks.status[good] == CONFIRMED
 
@@ -171,6 +172,7 @@ class TrackEventDetector:
             states.covariance,
             states.detected,
             due,
+            states.looked,
         )
 
 

@@ -9,6 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from gda_tracker.events.found import ACCELERATES, MOVES, STEADY, STOPPED, Finding
+from gda_tracker.events.missed_detections import (
+    clear_courses,
+    least_range_rates,
+    look_increments,
+)
 from gda_tracker.events.parameters import EventParameters
 from gda_tracker.events.samples import States
 from gda_tracker.events.sequential import (
@@ -25,8 +30,9 @@ from gda_tracker.events.sequential import (
 )
 from gda_tracker.vocabulary.arrays import FloatArray, IntArray
 
-_STOP = test_columns(1)
+_STOP = test_columns(1, ("course", np.float64, (2,)), ("spread_rad", np.float64))
 _NEW_STOP = np.zeros((), dtype=_STOP)
+_NEW_STOP["spread_rad"] = np.inf  # no course known yet
 _ACCELERATION = test_columns(
     DIRECTION_COUNT,
     ("from_ns", np.int64),
@@ -39,7 +45,7 @@ _NEW_ACCELERATION["from_ns"] = _NOTHING_YET
 
 
 class StopTest:
-    """Speeds of all tracks."""
+    """Speeds of all tracks, by their states and by whether a radar with a blind zone sees them."""
 
     def __init__(self, parameters: EventParameters) -> None:
         self._parameters = parameters
@@ -49,7 +55,8 @@ class StopTest:
     def step(self, states: States) -> tuple[list[Finding], Decisions]:
         """Take the states of a scan."""
         rows = self._rows = aligned(self._rows, states.track_id, _NEW_STOP)
-        due = np.flatnonzero(states.due)
+        looks = self._looks(states)
+        due = np.flatnonzero(states.due | (looks != 0.0))
         velocity = states.velocity[due]
         increments = stopped_increments(
             velocity,
@@ -57,6 +64,8 @@ class StopTest:
             self._parameters.stopped_speed_mps,
             self._parameters.moving_speed_mps,
         )
+        # A state that is not due shares its error with the last one: it is not counted again.
+        increments = np.where(states.due[due, None], increments, 0.0) + looks[due, None]
         before = rows["status"][due]
         decisions = advance(rows, due, increments, states.stamp_ns, self._test)
         speed = np.hypot(velocity[:, 0], velocity[:, 1])
@@ -64,6 +73,29 @@ class StopTest:
         # would be told as the end of a stop.
         rows["status"][due[(decisions.verdict == H1) & (before == OPEN)]] = OPEN
         return _changes(due, before, decisions, speed, STOPPED, MOVES), decisions
+
+    def _looks(self, states: States) -> FloatArray:
+        """Return what the scan tells of each track (N,) by seeing it or not; 0 without a zone."""
+        p, rows = self._parameters, self._rows
+        if not p.blind_speed_mps or not states.looked:
+            return np.zeros(len(rows))
+        known = np.isfinite(rows["spread_rad"])
+        sight = states.position - np.array(p.sensor_position_m)
+        spread = np.where(known, rows["spread_rad"], 0.0) + p.blind_turn_rad
+        rate = least_range_rates(rows["course"], spread, sight, p.moving_speed_mps)
+        looks = look_increments(
+            states.detected,
+            rate,
+            stopped=p.stopped_speed_mps,
+            blind_speed=p.blind_speed_mps,
+            detection_probability=p.detection_probability,
+            false_detection_probability=p.blind_false_detection_probability,
+        )
+        # The course of this scan is for the next ones: given h0 it depends on being seen.
+        clear, course, wide = clear_courses(states.velocity, states.velocity_covariance())
+        clear &= states.detected
+        rows["course"][clear], rows["spread_rad"][clear] = course[clear], wide[clear]
+        return np.where(known, looks, 0.0)
 
 
 class AccelerationTest:

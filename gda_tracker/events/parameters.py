@@ -85,6 +85,44 @@ class EventParameters:
         minimum_excluded=True,
         maximum=1e4,
     )
+    blind_speed_mps: float = parameter(
+        0.0,
+        "stops of a radar that drops slow echoes, as blind_speed_mps of track_manager: not to be "
+        "seen then counts for a stop, of tracks of whatever else sees nothing it must not; "
+        "moving_speed_mps should be well above; 0: only states are looked at",
+        unit="m/s",
+        minimum=0.0,
+        maximum=1e4,
+    )
+    detection_probability: float = parameter(
+        0.9,
+        "blind_speed_mps: chance that a target far from the blind zone is detected",
+        minimum=0.0,
+        minimum_excluded=True,
+        maximum=0.999,
+    )
+    sensor_position_m: list[float] = parameter(
+        [0.0, 0.0],
+        "blind_speed_mps: x, y of the radar in the tracking frame",
+        unit="m",
+    )
+    blind_turn_rad: float = parameter(
+        0.3,
+        "blind_speed_mps: a target that moves may have turned so far since its course was last "
+        "seen; what may have turned across the line of sight is not told to have stopped",
+        unit="rad",
+        minimum=0.0,
+        maximum=1.571,
+        advanced=True,
+    )
+    blind_false_detection_probability: float = parameter(
+        0.05,
+        "blind_speed_mps: chance that a false alarm passes for the detection of a track that is "
+        "not seen",
+        minimum=0.0,
+        maximum=0.5,
+        advanced=True,
+    )
     steady_acceleration_mps2: float = parameter(
         0.5,
         "largest acceleration, along or across, that is usual",
@@ -139,6 +177,17 @@ class EventParameters:
                     f"parameter {unusual} = {high}: allowed is a number > {low / loss:.6g}, as "
                     f"{usual} = {low}"
                 )
+
+        if len(self.sensor_position_m) != 2:
+            raise ParameterError(
+                f"parameter sensor_position_m = {self.sensor_position_m}: allowed is a list of 2 "
+                "numbers"
+            )
+        if self.blind_speed_mps and not self.stopped_speed_mps < self.blind_speed_mps:
+            raise ParameterError(
+                f"parameter blind_speed_mps = {self.blind_speed_mps}: allowed is 0 or a number > "
+                f"stopped_speed_mps = {self.stopped_speed_mps}: what has stopped is hidden"
+            )
 
     def thresholds(self) -> SequentialTest:
         """Return log A and log B of every test."""

@@ -35,6 +35,8 @@ class States:
 
     ``position`` (N, 2) [m], ``velocity`` (N, 2) [m/s], ``covariance`` (N, 4, 4) of both,
     ``detected`` (N,) on this scan, ``due`` (N,) independent of the last state that was used.
+    ``looked``: whether a track without a detection was missed; on a scan that was given up, or
+    decided without all that was known, it was not.
     """
 
     stamp_ns: int
@@ -44,6 +46,7 @@ class States:
     covariance: FloatArray
     detected: BoolArray
     due: BoolArray
+    looked: bool = True
 
     def select(self, which: BoolArray) -> States:
         """Return those that ``which`` (N,) marks."""
@@ -55,6 +58,7 @@ class States:
             self.covariance[which],
             self.detected[which],
             self.due[which],
+            self.looked,
         )
 
     def position_covariance(self) -> FloatArray:

@@ -47,7 +47,7 @@ def test_worked_values():
     np.testing.assert_allclose(areas(CORNERS), [90.0, 465.0, 70.0, 40.0])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(numbers, st.floats(1.0, 60.0))
 def test_the_supremum_is_that_of_a_fine_lattice(value, std):
     lattice = np.linspace(0.0, 600.0, 12_001)
@@ -60,7 +60,7 @@ def test_the_supremum_is_that_of_a_fine_lattice(value, std):
     assert (told >= brute - 1e-9).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(numbers, deviations)
 def test_the_mean_grade_is_that_of_quadrature(value, std):
     x = np.linspace(-9.0, 9.0, 4_001)
@@ -111,7 +111,7 @@ def test_by_densities_posteriors_are_calibrated():
         assert abs(gap) < 4.0 * np.sqrt(0.25 / some.sum())
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(numbers, deviations, st.floats(0.0, 50.0))
 def test_a_wider_range_makes_nothing_less_possible(value, std, more):
     at = np.array([value]), np.array([std])
@@ -121,7 +121,7 @@ def test_a_wider_range_makes_nothing_less_possible(value, std, more):
     assert (after >= before - 1e-9).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(numbers, deviations, st.floats(0.1, 10.0))
 def test_the_unit_does_not_matter(value, std, unit):
     at, other = np.array([value]), np.array([std])

@@ -67,7 +67,7 @@ def test_likelihoods_are_those_of_the_extremes():
     assert told.min() < said.log_class_likelihood[0, 0] < told.max()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     st.sampled_from(["ranges", "densities"]),
     st.floats(0.0, 1.0),

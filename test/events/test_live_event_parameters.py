@@ -47,6 +47,30 @@ CASES = {
     "split_watch_s": (5.0, WALK, 20.0),
 }
 
+# Of a radar with a blind zone, on tracks that come towards it and vanish after ten scans.
+ZONE = {"blind_speed_mps": 1.0, "moving_speed_mps": 6.0}
+BLIND = {
+    "blind_speed_mps": 0.0,
+    "detection_probability": 0.5,
+    "sensor_position_m": [5000.0, -9000.0],
+    "blind_turn_rad": 1.5,
+    "blind_false_detection_probability": 0.5,
+}
+
+
+def told_of_stops(**parameters):
+    detector = TrackEventDetector(EventParameters(**{**ZONE, **parameters}, tests=["stops"]))
+    told = []
+    for k in range(24):
+        state = [9000.0 - 20.0 * min(k, 10), 0.0, -10.0, 0.0]
+        told += detector.take(tracks(2.0 * k, [1], state, detected=k < 10)).events
+    return [(event.kind, event.stamp_ns, event.log_likelihood_ratio) for event in told]
+
+
+@pytest.mark.parametrize("name", BLIND)
+def test_a_change_shows_in_stops_that_are_not_seen(name):
+    assert told_of_stops(**{name: BLIND[name]}) != told_of_stops()
+
 
 def found(states, second, **parameters):
     detector = TrackEventDetector(EventParameters(**parameters), CONTEXT)
@@ -66,7 +90,7 @@ def found(states, second, **parameters):
 def test_every_live_parameter_has_a_case():
     live = {name for name, item in specifications(EventParameters).items() if item.live}
     # The file is read by the node: test/nodes/test_track_events_node.py.
-    assert live == {*CASES, "context_file"}
+    assert live == {*CASES, *BLIND, "context_file"}
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -41,7 +41,7 @@ def test_an_uncertain_state_does_not_win_by_its_error():
     assert np.isnan(found[0, 2]).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(histories, histories)
 def test_parts_may_overlap_and_come_in_any_order(one, other):
     """A history heard twice is the history: the errors of its states count once."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from event_examples import on_lane_then_off, walk
+from event_examples import on_lane_then_off, tracks, walk
 from gda_tracker_msgs.msg import TrackArray, TrackEventArray
 from graph_helpers import TIMEOUT_S
 from rclpy.node import Node
@@ -44,6 +44,15 @@ class Other(Node):
     def send(self, scans):
         for scan in scans:
             self.tracks.publish(tracks_to_message(scan))
+
+
+def tracks_on_course_that_vanish():
+    return [
+        tracks(
+            2.0 * k, [1], [9000.0 - 20.0 * min(k, 10), 0.0, -10.0, 0.0], detected=k < 10, epoch=3
+        )
+        for k in range(20)
+    ]
 
 
 def same(one, other):
@@ -105,6 +114,18 @@ def test_events_are_those_of_the_core_and_bad_input_is_counted(domain, tmp_path)
         (result,) = node.set_parameters([Parameter("context_file", value="")])
         assert result.successful, result.reason
         assert node.figures() == {"lanes": 0, "plans": 0}
-        assert wait(lambda: recorder.counters["recorded /track_events"] == 4, TIMEOUT_S)
+        # A stop that is not seen: the blind zone of the radar.
+        told = {"blind_speed_mps": 2.0, "moving_speed_mps": 6.0}
+        for name, value in told.items():
+            (result,) = node.set_parameters([Parameter(name, value=value)])
+            assert result.successful, result.reason
+        gone = tracks_on_course_that_vanish()
+        core = TrackEventDetector(EventParameters(**told))
+        (stop,) = [found for found in map(core.take, gone) if len(found)]
+        assert [event.kind for event in stop.events] == ["stopped"]
+        other.send(gone)
+        assert wait(lambda: len(other.heard) == 5, TIMEOUT_S)
+        same(events_from_message(other.heard[4]), stop)
+        assert wait(lambda: recorder.counters["recorded /track_events"] == 5, TIMEOUT_S)
     written = [record for record in read_bag(bag) if record.topic == "/track_events"]
     same(events_from_message(written[1].message()), expected[1])

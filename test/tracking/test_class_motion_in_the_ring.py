@@ -31,7 +31,7 @@ KNOWN = {
 }
 
 
-def by_motion(n_scans=36, targets=slice(None)):
+def by_motion(n_scans=34, targets=slice(None)):
     """Parameters and one run of the scenario."""
     scenario = load_scenario("class_by_motion")
     scenario = replace(
@@ -122,25 +122,25 @@ def test_extremes_are_those_of_a_smoother_of_the_whole_history():
 
 
 def test_a_short_window_finds_nearly_the_same():
-    parameters, recording = by_motion(26, slice(2, 3))
+    parameters, recording = by_motion(20, slice(2, 3))
     found = {}
     for scans in (8, 40):
         ring, told = play(parameters, recording.detections, class_motion_scans=scans)
         row = int(np.argmax(told[-1].tracks.hits))
         found[scans] = ring.manager.state.motion.extremes[row]
-        assert len(ring.manager.state.motion.past) == min(scans + 1, 26)
+        assert len(ring.manager.state.motion.past) == min(scans + 1, 20)
     np.testing.assert_allclose(found[8][:2, 0], found[40][:2, 0], rtol=0.05)
     assert abs(found[8][2, 0] - found[40][2, 0]) < found[8][2, 1]
 
 
 def test_a_long_steady_flight_counts_once():
-    """Exact detections of 30 m/s: what excludes a cargo aircraft does so no more after 60 scans."""
+    """Exact detections of 30 m/s: what excludes a cargo aircraft does so no more after 45 scans."""
     ring = ring_of(**KNOWN, confirmation_hits=3)
     told = []
-    for k in range(60):
+    for k in range(45):
         scan = scan_at(float(k), [[3000.0 + 30.0 * k, 500.0]], rcs=np.nan)
         told.extend(ring.process(scan).tracks.class_probability[:1])
-    assert len(told) > 55
+    assert len(told) > 40
     np.testing.assert_allclose(told[-1], [0.0, 1.0 / 1.1, 0.1 / 1.1], atol=2e-3)
     np.testing.assert_allclose(told[20], told[-1], atol=5e-3)
     # The belief that the ring goes on with has none of it.
@@ -164,14 +164,14 @@ def test_a_turn_is_remembered_after_it_has_left_the_window():
 
 @pytest.mark.parametrize("method", ["map/bayes/imm", "mht/dempster/imm"])
 def test_a_restart_goes_on_bit_for_bit(method, tmp_path):
-    parameters, recording = by_motion(24)
+    parameters, recording = by_motion(18)
     parameters = with_method(parameters, method)
-    ring, _ = play(parameters, recording.detections[:16])
+    ring, _ = play(parameters, recording.detections[:12])
     checkpoint.save(ring.manager, tmp_path / "state")
     other = Ring(parameters)
     assert checkpoint.load(other.manager, tmp_path / "state")
     same_tracks(ring.manager.tracks(), other.manager.tracks())
-    for scan in recording.detections[16:]:
+    for scan in recording.detections[12:]:
         same_tracks(ring.process(scan).tracks, other.process(scan).tracks)
 
 
