@@ -350,6 +350,7 @@ def test_models_that_are_not_combined_are_refused():
     for change, other in (
         ({"signal_strength": "swerling_1"}, "signal_strength"),
         ({"resolution_range_m": 50.0, "resolution_azimuth_rad": 0.01}, "resolution_range_m"),
+        ({"detection_probability_map": "estimated"}, "detection_probability_map"),
     ):
         with pytest.raises(ParameterError, match=f"blind_speed_mps.*{other}"):
             Ring({"track_manager": {"blind_speed_mps": 2.0, **change}})
