@@ -61,10 +61,7 @@ def detection_map_after(
     table, scan = opened.table, opened.scan
     rows = np.flatnonzero(table.chosen & (table.status == CONFIRMED))
     if associations.decision == JPDA:
-        hit = np.bincount(
-            associations.hypothesis, associations.joint_marginal, minlength=len(table)
-        )[rows]
-        hit = np.minimum(hit, 1.0)
+        hit = np.minimum(_detected(associations, len(table))[rows], 1.0)
     else:
         # Of several leaves another one may lead now than did before the scan.
         hit = np.isin(table.track_id[rows], table.track_id[assigned >= 0]).astype(float)
@@ -77,6 +74,16 @@ def detection_map_after(
         weight * (1.0 - hit),
         parameters.detection_memory_scans,
     )
+
+
+def _detected(associations: Associations, count: int) -> FloatArray:
+    """Probability (H,) that each hypothesis has a detection, its own or a group's."""
+    found = np.bincount(associations.hypothesis, associations.joint_marginal, minlength=count)
+    shared = associations.group_detection >= 0
+    for members in (associations.group_first, associations.group_second):
+        share = associations.group_marginal[shared]
+        found = found + np.bincount(members[shared], share, minlength=count)
+    return np.asarray(found)
 
 
 def _place(scan: Scan, mean: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -43,6 +43,7 @@ def test_shipped_scenarios_load_by_name_and_path():
         "unresolved_pair",
         "unresolved_pair_untold",
         "unresolved_three",
+        "unresolved_turning",
         "weak_targets",
         "weak_targets_by_rcs",
     ]

@@ -97,6 +97,8 @@ def group(one, two, z, radar):
     gain = joint @ wide.T @ np.linalg.inv(wide @ joint @ wide.T + noise(radar))
     mean = np.concatenate([one[0], two[0]]) + gain @ (z - (at + at2) / 2)
     after = joint - gain @ wide @ joint
+    # Half of what independence would take off each of them.
+    after = 0.5 * (joint + after)
     states = (mean[:4], after[:4, :4]), (mean[4:], after[4:, 4:])
     return both - alone, distance - short, states
 
@@ -140,7 +142,7 @@ def group_of_three(members, links, z, radar):
     wide = np.hstack(jacobians) / 3
     gain = joint @ wide.T @ np.linalg.inv(wide @ joint @ wide.T + noise(radar))
     mean = np.concatenate([x for x, _ in members]) + gain @ (z - middle @ stacked)
-    after = joint - gain @ wide @ joint
+    after = joint - 0.5 * gain @ wide @ joint
     rows = [slice(4 * i, 4 * i + 4) for i in range(3)]
     return density - math.log(total), least, [(mean[r], after[r, r]) for r in rows], total
 

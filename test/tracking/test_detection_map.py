@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import beta
-from tracking_examples import assert_same, ring_of, simulated
+from tracking_examples import SECOND, assert_same, initial_tracks, ring_of, simulated
 
 from gda_tracker.parameters import ParameterError
 from gda_tracker.tracking.checkpoint import load, save
 from gda_tracker.tracking.looks import PRIOR_LOOKS, DetectionMap, observe, probabilities
 from gda_tracker.tracking.parameters import TrackManagerParameters
+from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary import Detections
 
 ESTIMATED = {"detection_probability_map": "estimated", "attribute_term": "none"}
@@ -120,3 +121,32 @@ def test_a_checkpoint_keeps_the_map(decision, tmp_path):
 def test_two_sources_of_one_probability_are_refused():
     with pytest.raises(ParameterError, match=r"detection_probability_map = 'estimated'.*strength"):
         TrackManagerParameters(signal_strength="swerling_1", detection_probability_map="estimated")
+
+
+@pytest.mark.parametrize("decision", ["map", "jpda"])
+def test_members_of_a_group_are_seen(decision):
+    """Two targets that give one detection on every scan are detected, not missed every time."""
+    place = np.array([[3000.0, 1000.0], [3010.0, 1000.0]])
+    mean = np.hstack([place, np.zeros((2, 2))])
+    manager = {
+        **ESTIMATED,
+        "decision": decision,
+        "initiation": "labelled",
+        "filter": "cv",
+        "process_noise_std_mps2": 0.1,
+        "range_std_m": 5.0,
+        "azimuth_std_rad": 0.002,
+        "detection_probability": 0.8,
+        "clutter_density_per_m_rad": 1e-7,
+        "deletion_misses": 0,
+        "resolution_range_m": 200.0,
+        "resolution_azimuth_rad": 0.1,
+    }
+    ring = Ring({"track_manager": manager})
+    ring.initialise(initial_tracks(2, mean=mean))
+    middle = place.mean(axis=0)
+    range_m, azimuth = np.array([np.hypot(*middle)]), np.array([np.arctan2(middle[1], middle[0])])
+    for k in range(40):
+        ring.process(Detections("radar", (11 + k) * SECOND, range_m, azimuth))
+    looks = ring.manager.state.looks
+    assert looks.hits.sum() > 0.95 * (looks.hits.sum() + looks.misses.sum())

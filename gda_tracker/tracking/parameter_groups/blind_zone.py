@@ -37,7 +37,12 @@ class BlindZoneParameters:
             given = f"blind_speed_mps = {self.blind_speed_mps}"
         else:
             return
-        for other, off in (("signal_strength", "none"), ("resolution_range_m", 0.0)):
+        for other, off in (
+            ("signal_strength", "none"),
+            ("resolution_range_m", 0.0),
+            # The zone would hide what the map has learnt, and be counted as the map's misses.
+            ("detection_probability_map", "given"),
+        ):
             if getattr(self, other, off) != off:
                 raise ParameterError(
                     f"parameter {given}: allowed is 0 with {other} = "
