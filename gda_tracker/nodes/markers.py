@@ -13,9 +13,9 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import MarkerArray
 
+from gda_tracker.formations.labels import is_finite
 from gda_tracker.io.formation_messages import formations_from_message
 from gda_tracker.io.markers.cdr import marker_array
-from gda_tracker.io.markers.formation_shapes import is_finite
 from gda_tracker.io.markers.layers import (
     OF_DELAYED,
     OF_FORMATIONS,

@@ -12,10 +12,10 @@ from marker_run import marker_array
 from marker_viewer import Viewer
 
 from gda_tracker.formations.found import Formation, Formations
+from gda_tracker.formations.labels import formation_text
 from gda_tracker.io.markers.formation_shapes import (
     formation_outline,
     formation_shapes,
-    formation_text,
 )
 from gda_tracker.io.markers.layers import Layers
 from gda_tracker.io.markers.parameters import MarkerParameters

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from gda_tracker.formations.found import Formation, Formations
+from gda_tracker.formations.labels import formation_text, is_finite
 from gda_tracker.io.markers.parameters import MarkerParameters
 from gda_tracker.io.markers.shapes import LINE_LIST, LINE_STRIP, TEXT, Shape, number_of
 from gda_tracker.vocabulary.arrays import FloatArray
@@ -65,24 +66,3 @@ def formation_outline(one: Formation, p: MarkerParameters) -> FloatArray:
     circle = np.stack([np.cos(angle), np.sin(angle)])
     edge: FloatArray = one.position + (vector @ (axes[:, None] * circle)).T
     return edge
-
-
-def formation_text(one: Formation) -> str:
-    """The number with its probability, the one decided, and where the formation comes from."""
-    best = int(np.argmax(one.number_probabilities))
-    text = f"F{one.formation_id}: {best + 1} ({100.0 * one.number_probabilities[best]:.0f} %)"
-    text += f"\ndecided {one.number}" if one.number else "\nundecided"
-    for word, others in (("from", one.parent_ids), ("split off", one.child_ids)):
-        if others:
-            text += f"\n{word} " + ", ".join(f"F{other}" for other in others)
-    return text
-
-
-def is_finite(one: Formation) -> bool:
-    """Whether place, extent and probabilities of a formation can be drawn."""
-    return bool(
-        np.isfinite(one.position).all()
-        and np.isfinite(one.extent).all()
-        and len(one.number_probabilities)
-        and np.isfinite(one.number_probabilities).all()
-    )
