@@ -118,7 +118,9 @@ def main(arguments: list[str] | None = None) -> int:
     args = parser.parse_args(arguments)
     shown = run(args.scans, args.seed)
     figure, grid = plt.subplots(2, 5, figsize=(15, 6.6), facecolor=BACKGROUND)
-    for axes, layer in zip(grid.flat, LAYERS, strict=True):
+    # Formations have a scenario and a picture of their own (make_formation_layer_picture.py).
+    layers = [layer for layer in LAYERS if layer != "formations"]
+    for axes, layer in zip(grid.flat, layers, strict=True):
         axes.set_facecolor(BACKGROUND)
         for marker in shown["trails"].values():
             draw(axes, marker, faint=True)

@@ -11,6 +11,7 @@ from typing import Any
 
 from gda_tracker.commands.options import add_parameter_options, add_preset_option
 from gda_tracker.commands.replay import add_recording_options, load_playback
+from gda_tracker.commands.replay_formations import formation_tracker
 from gda_tracker.errors import UserError
 
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8765
@@ -29,6 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_recording_options(parser)
     add_preset_option(parser)
     add_parameter_options(parser)
+    parser.add_argument(
+        "--formations",
+        action="store_true",
+        help="follow formations and show them; of a running ring they are shown if its node "
+        "track_formations is there",
+    )
     parser.add_argument(
         "--rate",
         type=float,
@@ -95,6 +102,11 @@ def _check(args: argparse.Namespace) -> None:
         raise UserError(f"--rate {args.rate}: allowed is a number >= 0")
     if args.recording and args.namespace:
         raise UserError("--namespace: allowed without a RECORDING only")
+    if not args.recording and args.formations:
+        raise UserError(
+            "--formations: allowed with a RECORDING; a running ring shows those of its node "
+            "track_formations"
+        )
     if not args.recording and (args.params or args.method or args.preset or args.topic):
         raise UserError(
             "--params, --method, --preset, --topic: allowed with a RECORDING; a running ring has "
@@ -109,7 +121,15 @@ def _replay(args: argparse.Namespace, history: Any) -> Any:
     if not play.detections:
         raise UserError(f"{args.recording}: no scans")
     print(f"{play.name}: {len(play.detections)} scans, parameters: {preset_name}")
-    player = Player(play, parameters, history, args.rate, playing=not args.paused)
+    tracker = formation_tracker(args)
+    player = Player(
+        play,
+        parameters,
+        history,
+        args.rate,
+        playing=not args.paused,
+        formations=None if tracker is None else tracker.parameters,
+    )
     player.start()
     return player
 

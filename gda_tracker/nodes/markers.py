@@ -13,9 +13,12 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import MarkerArray
 
+from gda_tracker.formations.labels import is_finite
+from gda_tracker.io.formation_messages import formations_from_message
 from gda_tracker.io.markers.cdr import marker_array
 from gda_tracker.io.markers.layers import (
     OF_DELAYED,
+    OF_FORMATIONS,
     OF_PREDICTIONS,
     OF_SCANS,
     OF_TRACKS,
@@ -87,6 +90,14 @@ class MarkersNode(RingNode):
                 Layers.take_delayed,
                 stream(),
             ),
+            (
+                "track_formations",
+                msg.FormationArray,
+                OF_FORMATIONS,
+                formations_from_message,
+                Layers.take_formations,
+                stream(),
+            ),
         ):
             # As bytes: what nobody looks at is not even read.
             self.subscribe(
@@ -114,6 +125,8 @@ class MarkersNode(RingNode):
                 return
             if kind is msg.TrackArray and not drawable(part).all():
                 self.drop("not_drawn", "tracks whose state or covariance is not finite")
+            if kind is msg.FormationArray and not all(map(is_finite, part.formations)):
+                self.drop("not_drawn", "formations whose place or extent is not finite")
             try:
                 for update in take(self._layers, part, self.parameters):
                     self._publish(update)

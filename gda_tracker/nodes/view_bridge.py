@@ -17,6 +17,8 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
+from gda_tracker.formations.found import Formations
+from gda_tracker.io.formation_messages import formations_from_message
 from gda_tracker.io.messages import (
     MessageError,
     associations_from_message,
@@ -40,6 +42,7 @@ from gda_tracker.vocabulary.tracks import Tracks
 DEPTH = 10
 # Scans of which not everything has come; a ring has one open, several sources may share it.
 MOST_OPEN = 20
+FORMATIONS = "formations"
 WAIT_FOR_REST_S = 0.25
 ANSWER_TIMEOUT_S = 3.0
 # Field of a ring's result, its topic, its message, and how that is read.
@@ -62,6 +65,8 @@ class Joiner:
 
     def __init__(self, wait_s: float = WAIT_FOR_REST_S) -> None:
         self._wait_s = wait_s
+        # Whether a scan is complete with its formations alone.
+        self.with_formations = False
         self._open: dict[ScanKey, tuple[dict[str, Any], float]] = {}
         self._given: dict[ScanKey, None] = {}
 
@@ -81,7 +86,7 @@ class Joiner:
         found = []
         for key in sorted(self._open):
             parts, since = self._open[key]
-            complete = len(parts) == len(PARTS) + 1
+            complete = len(parts) == len(PARTS) + 1 + self.with_formations
             late = "report" in parts and now - since >= self._wait_s
             crowded = len(self._open) > MOST_OPEN
             if not (complete or late or crowded):
@@ -92,6 +97,7 @@ class Joiner:
                 del self._given[next(iter(self._given))]
             if "tracks" in parts:
                 parts.setdefault("report", ScanReport(key, "tracked"))
+                parts.pop(FORMATIONS, None)
                 found.append(RingResult(**parts))
         return found
 
@@ -115,7 +121,14 @@ class ViewNode(Node):
         self.create_subscription(
             msg.ScanReport, "scan_reports", self._on_report, sensor(DEPTH, "best_effort")
         )
-        self.create_timer(WAIT_FOR_REST_S, lambda: self._show(self._joiner.due(self._now())))
+        self._formations: dict[ScanKey, Formations] = {}
+        self.create_subscription(
+            msg.FormationArray,
+            "track_formations",
+            self._on_formations,
+            sensor(DEPTH, "best_effort"),
+        )
+        self.create_timer(WAIT_FOR_REST_S, self._look_after)
         self.clients_of: dict[str, tuple[Any, Any]] = {
             stage: (
                 self.create_client(GetParameters, f"{stage}/get_parameters"),
@@ -127,6 +140,11 @@ class ViewNode(Node):
     def autostart(self) -> None:
         """Be ready at once: it has no life cycle."""
 
+    def _look_after(self) -> None:
+        # Whoever follows formations may come and go.
+        self._joiner.with_formations = self.count_publishers("track_formations") > 0
+        self._show(self._joiner.due(self._now()))
+
     def _now(self) -> float:
         return self.get_clock().now().nanoseconds * 1e-9
 
@@ -137,6 +155,17 @@ class ViewNode(Node):
             self.history.notice(f"a message of {name} cannot be read: {error}")
             return
         self._show(self._joiner.take(name, part.key, part, self._now()))
+
+    def _on_formations(self, message: Any) -> None:
+        try:
+            found = formations_from_message(message)
+        except MessageError as error:
+            self.history.notice(f"a message of track_formations cannot be read: {error}")
+            return
+        self._formations[found.key] = found
+        while len(self._formations) > MOST_OPEN:
+            del self._formations[next(iter(self._formations))]
+        self._show(self._joiner.take(FORMATIONS, found.key, found, self._now()))
 
     def _on_report(self, message: Any) -> None:
         report = scan_report_from_message(message)
@@ -154,6 +183,7 @@ class ViewNode(Node):
             self._previous = result.tracks
             if picture is not None:
                 self.heard = True
+                picture.formations = self._formations.get(ScanKey(*picture.report.key))
                 self.history.add(picture)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gda_tracker.evidence.frames import element_name, parts, upward_closure
+from gda_tracker.formations.labels import formation_text, is_finite
 from gda_tracker.view.history import History
 from gda_tracker.view.picture import Picture
 from gda_tracker.vocabulary.arrays import FloatArray
@@ -97,6 +98,7 @@ def scan_json(history: History, at: int, picture: Picture) -> dict[str, Any]:
         "detections": _detections(picture),
         "tracks": _tracks(picture),
         "gates": _gates(picture),
+        "formations": _formations(picture),
     }
 
 
@@ -128,6 +130,31 @@ def _detections(picture: Picture) -> dict[str, Any]:
         "rcs_dbsm": numbers(decibels(seen.rcs_m2[there]), 2),
         "range_rate": numbers(seen.range_rate_mps[there], 2),
         "curves": numbers(seen.curves, 2),
+    }
+
+
+def _formations(picture: Picture) -> dict[str, Any] | None:
+    """Centres, labels, lines to parents; ellipses that hold the members, as covariances."""
+    if picture.formations is None:
+        return None
+    shown = [one for one in picture.formations.formations if is_finite(one)]
+    place = {one.formation_id: one.position for one in shown}
+    # Of T points none is farther from the centroid than T - 1 in squared Mahalanobis distance.
+    spread = [max(len(one.track_ids) - 1, 0) * one.extent for one in shown]
+    ellipse = np.array(spread).reshape(-1, 4)
+    centre = np.array([one.position for one in shown]).reshape(-1, 2)
+    return {
+        "id": [one.formation_id for one in shown],
+        "text": [formation_text(one).split("\n") for one in shown],
+        "x": numbers(centre[:, 0], MILLIMETRES),
+        "y": numbers(centre[:, 1], MILLIMETRES),
+        "xx": numbers(ellipse[:, 0], MILLIMETRES),
+        "xy": numbers(ellipse[:, 1], MILLIMETRES),
+        "yy": numbers(ellipse[:, 3], MILLIMETRES),
+        "parents": [
+            [numbers(place[parent], MILLIMETRES) for parent in one.parent_ids if parent in place]
+            for one in shown
+        ],
     }
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gda_tracker.formations.found import Formations
 from gda_tracker.kinematics.measurement_curves import measurement_curves
 from gda_tracker.kinematics.measurement_models import locates
 from gda_tracker.kinematics.sensor_models import polar_measurements
@@ -59,7 +60,8 @@ class Picture:
     """One scan as the page shows it.
 
     ``sensor_xy_m`` (2,) and ``sensor_yaw_rad`` in the tracking frame. ``gates`` and ``decision``
-    are ``None`` where the scan was not associated, or where its messages have not come.
+    are ``None`` where the scan was not associated, or where its messages have not come,
+    ``formations`` where nobody follows them.
     """
 
     report: ScanReport
@@ -70,6 +72,7 @@ class Picture:
     settings: AssociationSettings | None = None
     gates: Gates | None = None
     decision: Decision | None = None
+    formations: Formations | None = None
 
     @property
     def stamp_ns(self) -> int:

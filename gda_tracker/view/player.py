@@ -10,6 +10,8 @@ from typing import Any
 from gda_tracker.association.associate import Associator
 from gda_tracker.attributes.fusion import AttributeFusion
 from gda_tracker.attributes.fuzzification import RcsFuzzifier
+from gda_tracker.formations.parameters import FormationParameters
+from gda_tracker.formations.tracker import FormationTracker
 from gda_tracker.parameters import ParameterError, specifications
 from gda_tracker.simulation.playback import Playback
 from gda_tracker.tracking.ring import Ring, RingResult, stage_parameters
@@ -37,6 +39,8 @@ class Player:
         Times the recorded speed; 0: as fast as it goes.
     playing
         Whether it plays at once, or waits for :meth:`play` or :meth:`step`.
+    formations
+        Follow formations with these parameters.
     """
 
     def __init__(
@@ -46,12 +50,14 @@ class Player:
         history: History,
         rate: float = 1.0,
         playing: bool = True,
+        formations: FormationParameters | None = None,
     ) -> None:
         self.name, self.total = play.name, len(play.detections)
         self.history = history
         self.error = ""
         self._play, self._rate, self._playing = play, rate, playing
         self._parameters = with_defaults(parameters)
+        self._formation_parameters = formations
         self._steps = 0
         self._closing = False
         # Held while a scan goes round, so that whatever changes does so between two scans.
@@ -170,6 +176,8 @@ class Player:
         self._ring = Ring(self._parameters)
         self._position, self._steps = 0, 0
         self._previous: Tracks | None = None
+        follow = self._formation_parameters
+        self._formations = None if follow is None else FormationTracker(follow)
         self._due = 0.0
         if self._play.initial is not None:
             self._ring.initialise(self._play.initial)
@@ -230,4 +238,8 @@ class Player:
             )
             return
         self._previous = result.tracks
+        if self._formations is not None and result.tracks is not None:
+            picture.formations = self._formations.take(
+                result.tracks, result.scan, result.predictions
+            )
         self.history.add(picture)

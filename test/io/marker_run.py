@@ -8,6 +8,8 @@ from marker_viewer import Viewer
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import MarkerArray
 
+from gda_tracker.formations.parameters import FormationParameters
+from gda_tracker.formations.tracker import FormationTracker
 from gda_tracker.io.markers import cdr
 from gda_tracker.io.markers.layers import Layers
 from gda_tracker.io.markers.parameters import (
@@ -68,6 +70,10 @@ class Watched:
         self.layers = Layers(lambda name: name in self.looked_at and name in self.p.layers)
         self.viewers = {name: Viewer() for name in LAYERS}
         self.updates = []
+        self.last = None
+        self.formations = FormationTracker(
+            FormationParameters(together_distance_m=5000.0, apart_distance_m=8000.0)
+        )
 
     def _show(self, updates):
         self.updates += updates
@@ -81,6 +87,18 @@ class Watched:
         self._show(self.layers.take_tracks(result.tracks, self.p))
         for tracks in result.delayed:
             self._show(self.layers.take_delayed(tracks, self.p))
+        self._show(self.layers.take_formations(self._found(result), self.p))
+
+    def _found(self, result):
+        """Formations after a scan; a run that begins again begins them anew."""
+        key = result.tracks.key
+        if self.last is not None and key.stamp_ns <= self.last.stamp_ns:
+            self.formations.reset()
+        if key != self.last:
+            args = (result.tracks, result.scan, result.predictions)
+            self.found = self.formations.take(*args)
+        self.last = key
+        return self.found
 
     def content(self):
         """All that is shown, to compare."""

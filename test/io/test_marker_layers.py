@@ -101,6 +101,7 @@ def test_the_order_in_which_messages_come_makes_no_difference(run, order):
             other._show(takers[letter](result))
         for tracks in result.delayed:
             other._show(other.layers.take_delayed(tracks, other.p))
+        other._show(other.layers.take_formations(other._found(result), other.p))
         assert other.content() == usual.content()
 
 

@@ -35,6 +35,8 @@ CASES = {
     "gate_colour": ("#ff0000", {}),
     "delayed_colour": ("#ff0000", {}),
     "sensor_colour": ("#ff0000", {}),
+    "formation_colour": ("#ff0000", {}),
+    "formation_margin_m": (7.0, {}),
     "ellipse_probability": (0.5, {}),
     "ellipse_opacity": (0.9, {}),
     "detection_size_m": (7.0, {}),

@@ -11,7 +11,7 @@ from graph_helpers import offline, scenario_plays
 
 from gda_tracker.nodes.runner import Nodes, stage_nodes
 from gda_tracker.nodes.scan_source import ScanSourceNode
-from gda_tracker.nodes.view_bridge import MOST_OPEN, PARTS, Joiner, ViewBridge
+from gda_tracker.nodes.view_bridge import FORMATIONS, MOST_OPEN, PARTS, Joiner, ViewBridge
 from gda_tracker.view.history import History
 from gda_tracker.vocabulary.scans import ScanKey, ScanReport
 from gda_tracker.vocabulary.tracks import Tracks
@@ -147,6 +147,19 @@ def test_a_lost_part_is_waited_for_and_then_done_without():
     assert joiner.due(1.2) == []
     (result,) = joiner.due(1.25)
     assert (result.scan, result.evidence, result.associations) == ("scan", None, None)
+
+
+def test_formations_are_waited_for_where_somebody_follows_them():
+    joiner, key = Joiner(wait_s=0.25), ScanKey(1, "radar", 10)
+    joiner.with_formations = True
+    for name in (*NAMES, "report"):
+        assert joiner.take(name, key, part(name, key), 1.0) == []
+    (result,) = joiner.take(FORMATIONS, key, "formations", 1.1)
+    assert result.scan == "scan"
+    later = ScanKey(1, "radar", 20)
+    for name in (*NAMES, "report"):
+        joiner.take(name, later, part(name, later), 2.0)
+    assert len(joiner.due(2.25)) == 1
 
 
 def test_a_joiner_keeps_little():

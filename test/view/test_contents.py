@@ -11,6 +11,7 @@ import pytest
 
 from gda_tracker.attributes.fuzzification import RcsFuzzifier, RcsFuzzifierParameters
 from gda_tracker.evaluation.association_log import log_entry
+from gda_tracker.formations.tracker import FormationTracker
 from gda_tracker.parameters import from_mapping
 from gda_tracker.view.encoding import decibels, numbers, past_json, scan_json
 from gda_tracker.view.fuzzy_sets import fuzzy_sets_json
@@ -144,3 +145,26 @@ def test_fuzzy_sets_are_those_the_fuzzifier_makes_masses_with(gda):
     masses = fuzzifier(probe).masses[:, : len(fuzzifier.frame)]
     np.testing.assert_allclose(np.array(told["grade"]).T, masses, atol=2e-3)
     assert told["labels"] == list(fuzzifier.frame)
+
+
+def test_formations_come_with_their_numbers_and_parents(gda):
+    at = len(gda.results)
+    _, picture = gda.history.between(at, at)[0]
+    assert scan_json(gda.history, at, picture)["formations"] is None
+    tracker = FormationTracker()
+    for result in gda.results[:at]:
+        found = tracker.take(result.tracks, result.scan, result.predictions)
+    parent = replace(found.formations[0], formation_id=99, parent_ids=())
+    child = replace(found.formations[0], parent_ids=(99, 1000))
+    shown = replace(picture, formations=replace(found, formations=[parent, child]))
+    told = json.loads(json.dumps(scan_json(gda.history, at, shown), allow_nan=False))["formations"]
+    assert told["id"] == [99, child.formation_id]
+    assert told["text"][0][0].startswith("F99: ")
+    np.testing.assert_allclose([told["x"][0], told["y"][0]], parent.position, atol=1e-3)
+    assert told["parents"][0] == []
+    np.testing.assert_allclose(told["parents"][1], [parent.position], atol=1e-3)
+    ellipse = np.array([told[name][0] for name in ("xx", "xy", "yy")])
+    expected = (len(parent.track_ids) - 1) * parent.extent[[0, 0, 1], [0, 1, 1]]
+    np.testing.assert_allclose(ellipse, expected, atol=1e-3)
+    nothing = replace(picture, formations=replace(found, formations=[]))
+    assert scan_json(gda.history, at, nothing)["formations"]["id"] == []

@@ -7,6 +7,8 @@ import time
 import numpy as np
 import pytest
 
+from gda_tracker.formations.parameters import FormationParameters
+from gda_tracker.formations.tracker import FormationTracker
 from gda_tracker.parameters import ParameterError
 from gda_tracker.view.history import History
 from gda_tracker.view.player import Player
@@ -44,6 +46,22 @@ def test_it_makes_the_tracks_of_the_ring(make, gda):
         assert np.array_equal(picture.tracks.mean, result.tracks.mean)
     assert player.status()["position"] == len(gda.results)
     assert not player.status()["playing"]
+
+
+def test_it_follows_formations_from_the_beginning(make, gda):
+    player = make(rate=0.0, formations=FormationParameters())
+    tracker = FormationTracker()
+    expected = [
+        tracker.take(result.tracks, result.scan, result.predictions) for result in gda.results
+    ]
+    for _ in range(2):
+        wait_for(lambda: player.finished and player.history.newest == len(gda.results))
+        shown = [picture.formations for _, picture in player.history.between(1, 999)]
+        assert [[one.number for one in found.formations] for found in shown] == [
+            [one.number for one in found.formations] for found in expected
+        ]
+        assert any(len(found) for found in shown)
+        player.restart()
 
 
 def test_it_stands_until_told_and_steps_one_scan_at_a_time(make):

@@ -12,7 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gda_tracker.formations.found import Formations
 from gda_tracker.io.markers import shapes
+from gda_tracker.io.markers.formation_shapes import formation_shapes
 from gda_tracker.io.markers.parameters import LAYERS, MarkerParameters
 from gda_tracker.io.markers.shapes import LINE_STRIP, Shape
 from gda_tracker.tracking.gates import gates_of
@@ -27,7 +29,10 @@ MOST_SCANS = 500
 OF_SCANS = ("detections", "associations", "gates", "sensors")
 OF_PREDICTIONS = ("gates",)
 OF_DELAYED = ("tracks_delayed",)
-OF_TRACKS = tuple(name for name in LAYERS if name not in (*OF_DELAYED, "detections", "sensors"))
+OF_FORMATIONS = ("formations",)
+OF_TRACKS = tuple(
+    name for name in LAYERS if name not in (*OF_DELAYED, *OF_FORMATIONS, "detections", "sensors")
+)
 
 Name = tuple[str, int]
 
@@ -252,8 +257,19 @@ class Layers:
         lines = self._delayed.lines("tracks_delayed", p.scale * p.line_width_m, colour)
         return [self._update("tracks_delayed", tracks, lines)]
 
+    def take_formations(self, found: Formations, p: MarkerParameters) -> list[Update]:
+        """Take the formations after a scan; return what is to be published."""
+        self._notice("formations", found.key)
+        if not self._wants("formations"):
+            return []
+        return [self._update("formations", found, formation_shapes(found, p))]
+
     def _update(
-        self, name: str, of: Scan | Tracks, made: list[Shape], others: Iterable[Name] = ()
+        self,
+        name: str,
+        of: Scan | Tracks | Formations,
+        made: list[Shape],
+        others: Iterable[Name] = (),
     ) -> Update:
         """Return an update that shows ``made``, keeps ``others`` and deletes the rest."""
         now = {(shape.namespace, shape.number) for shape in made}

@@ -19,6 +19,7 @@ LAYERS = (
     "trails",
     "tracks_delayed",
     "sensors",
+    "formations",
 )
 MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 COLOUR_SOURCES = ("class", "status", "track")
@@ -108,6 +109,7 @@ class MarkerParameters:
         "#cc79a7", "colour of the revised past (tracks_delayed)", advanced=True
     )
     sensor_colour: str = parameter("#ffffff", "colour of sensors", advanced=True)
+    formation_colour: str = parameter("#e69f00", "colour of formations", advanced=True)
     ellipse_probability: float = parameter(
         0.95,
         "chance that the target lies in the ellipse of its covariance",
@@ -130,6 +132,14 @@ class MarkerParameters:
     line_width_m: float = parameter(
         0.2,
         "width of lines: gates, trails, associations",
+        unit="m",
+        minimum=0.0,
+        minimum_excluded=True,
+        maximum=1e6,
+    )
+    formation_margin_m: float = parameter(
+        5.0,
+        "width of the margin between a formation's outermost tracks and its outline",
         unit="m",
         minimum=0.0,
         minimum_excluded=True,
@@ -192,6 +202,7 @@ class MarkerParameters:
             "gate_colour",
             "delayed_colour",
             "sensor_colour",
+            "formation_colour",
         ):
             self.colour(name)
         self.colours_of_classes()

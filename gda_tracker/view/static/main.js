@@ -21,7 +21,7 @@ const state = {
   status: null, scan: null, matrix: null, track: null,
   want: null, // number of the scan that is looked at, null: the newest
   selected: null, past: new Past(), persistence: 25,
-  layers: { gates: true, covariances: true, labels: true },
+  layers: { gates: true, covariances: true, labels: true, formations: true },
   select: (id) => select(id),
 };
 
@@ -83,6 +83,7 @@ function showTables() {
   }
   shownAt = performance.now();
   list.show(state.scan, state.selected);
+  byId("show-formations").parentElement.hidden = !state.scan.formations;
   showSelected();
 }
 
@@ -156,6 +157,6 @@ listenToKeys({
   Home: () => controls.look(1), End: () => controls.look(Infinity), R: () => controls.restart(),
   j: () => select(list.neighbour(state.selected, 1)), k: () => select(list.neighbour(state.selected, -1)),
   Escape: () => select(null), t: theme, "?": () => byId("help-text").showModal(),
-  g: layer("gates"), c: layer("covariances"), l: layer("labels"),
+  g: layer("gates"), c: layer("covariances"), l: layer("labels"), f: layer("formations"),
   0: () => byId("fit").click(), "+": () => plan.scope.zoom(1.25), "-": () => plan.scope.zoom(0.8),
 });

@@ -2,6 +2,7 @@
 
 import { colours, trackColour, withAlpha } from "./colours.js";
 import { CHI_SQUARE_95, ellipse, gateOf, length, polarToPlan, roundStep } from "./geometry.js";
+import { drawFormations } from "./formations.js";
 import { dots, drawGates, drawTracks, faded, outline, outlines, rings } from "./signs.js";
 import { Scope } from "./scope.js";
 
@@ -62,6 +63,7 @@ export class Plan {
       const ahead = [tracks.x[i] + AHEAD * tracks.vx[i], tracks.y[i] + AHEAD * tracks.vy[i]];
       outline(scope, [[tracks.x[i], tracks.y[i]], ahead], colour, { width: 1.6 });
     });
+    if (layers.formations && scan.formations) drawFormations(scope, scan.formations);
     drawTracks(scope, tracks, selected, (i) => [tracks.x[i], tracks.y[i]], layers.labels);
     scope.canvas.ariaLabel = `Plan position: ${tracks.id.length} tracks, ${detections.x.length} detections`;
   }
