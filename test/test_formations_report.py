@@ -28,7 +28,7 @@ def test_the_figures_are_of_the_settings_that_the_script_has_now():
 
 
 def test_what_a_scan_says_at_best():
-    # Two objects: linked with the probability 1/2 at the distance that is resolved half of the time.
+    # Two objects: linked with the probability 1/2 at this distance.
     counts = true_counts(np.array([[0.0, 0.0], [300.0, 0.0]]), 300.0, 3)
     both = 0.5 * 0.9**2
     assert counts == pytest.approx([0.5 * 0.1 + 0.5 * 0.01, 0.5 * 0.9 + 0.09, both, 0.0])
