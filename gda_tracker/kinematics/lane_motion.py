@@ -38,6 +38,7 @@ _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 ROUNDED_WIDTHS = 2.0
 STEP_RAD = math.radians(1.0)
 MOST_STEPS = 32
+PIECES_OF_A_BOX = 16
 # What is farther off, in standard deviations of lane and state together, is on no lane.
 FARTHEST_STDS = 6.0
 # A uniform distribution over a width has this standard deviation.
@@ -114,6 +115,14 @@ class LaneCourse:
         self.one_way = np.array([lane.direction == FORWARD for lane in lanes])[self.lane]
         self._is_first = self.first == np.arange(len(step))
         self._is_last = self.last == np.arange(len(step))
+        # Boxes around runs of pieces: most of a map is far from any one state.
+        place = np.arange(len(step)) - self.first
+        self._chunk_first = np.flatnonzero(place % PIECES_OF_A_BOX == 0)
+        self._chunk_count = np.diff(np.append(self._chunk_first, len(step)))
+        ends = self.start + step
+        self._low = np.minimum.reduceat(np.minimum(self.start, ends), self._chunk_first)
+        self._high = np.maximum.reduceat(np.maximum(self.start, ends), self._chunk_first)
+        self._chunk_std = self.std_m[self._chunk_first]
 
     def piece_of(self, mean: FloatArray, covariance: FloatArray) -> IntArray:
         """Piece (N,) of a lane that each state is most probably on, -1 where it is on none.
@@ -122,24 +131,47 @@ class LaneCourse:
         deviations of lane and state. Past its ends there is no lane, none against its direction,
         and none farther off than 6 of these deviations.
         """
-        relative = mean[:, None, :2] - self.start
-        along = np.einsum("nsi,si->ns", relative, self.along)
-        aside = relative - np.clip(along, 0.0, self.length)[..., None] * self.along
-        forward = mean[:, 2:] @ self.along.T
-        left = np.stack([-self.along[:, 1], self.along[:, 0]])
-        across = mean[:, 2:] @ left
         # Half the trace: the same from every side, which will do for a choice.
-        spread = 0.5 * np.trace(covariance[:, :2, :2], axis1=1, axis2=2)[:, None]
-        speed_spread = 0.5 * np.trace(covariance[:, 2:, 2:], axis1=1, axis2=2)[:, None]
-        rate_std = self.std_m / self.correlation_s
-        cost = np.sum(aside**2, axis=-1) / (self.std_m**2 + spread)
-        cost += across**2 / (rate_std**2 + speed_spread)
-        none = (along < 0.0) & self._is_first | (along > self.length) & self._is_last
-        none |= self.one_way & (forward < -np.sqrt(speed_spread))
+        spread = 0.5 * np.trace(covariance[:, :2, :2], axis1=1, axis2=2)
+        row, piece = self._near(mean[:, :2], spread)
+        found = np.full(len(mean), -1, dtype=np.int64)
+        if not len(row):
+            return found
+        relative = mean[row, :2] - self.start[piece]
+        direction, velocity = self.along[piece], mean[row, 2:]
+        along = np.sum(relative * direction, axis=1)
+        aside = relative - np.clip(along, 0.0, self.length[piece])[:, None] * direction
+        forward = np.sum(velocity * direction, axis=1)
+        across = velocity[:, 1] * direction[:, 0] - velocity[:, 0] * direction[:, 1]
+        speed_spread = 0.5 * np.trace(covariance[:, 2:, 2:], axis1=1, axis2=2)[row]
+        variance = self.std_m[piece] ** 2
+        cost = np.sum(aside**2, axis=1) / (variance + spread[row])
+        cost += across**2 / (variance / self.correlation_s**2 + speed_spread)
+        none = (along < 0.0) & self._is_first[piece]
+        none |= (along > self.length[piece]) & self._is_last[piece]
+        none |= self.one_way[piece] & (forward < -np.sqrt(speed_spread))
         cost[none] = np.inf
-        best = np.argmin(cost, axis=1)
-        found = cost[np.arange(len(mean)), best] <= FARTHEST_STDS**2
-        return np.where(found, best, -1)
+        begins = np.flatnonzero(np.append(True, row[1:] != row[:-1]))
+        least = np.minimum.reduceat(cost, begins)
+        counts = np.diff(np.append(begins, len(row)))
+        best = np.flatnonzero((cost == np.repeat(least, counts)) & (cost <= FARTHEST_STDS**2))
+        # Of equal ones the first.
+        found[row[best[::-1]]] = piece[best[::-1]]
+        return found
+
+    def _near(self, position: FloatArray, spread: FloatArray) -> tuple[IntArray, IntArray]:
+        """Rows and pieces, by rows, of all pairs that may be near enough; ``spread`` (N,) [m2]."""
+        reach = FARTHEST_STDS * np.sqrt(spread[:, None] + self._chunk_std**2)
+        inside = np.ones(reach.shape, dtype=bool)
+        for axis in (0, 1):
+            place = position[:, axis, None]
+            inside &= place >= self._low[:, axis] - reach
+            inside &= place <= self._high[:, axis] + reach
+        rows, chunks = np.nonzero(inside)
+        counts = self._chunk_count[chunks]
+        ends = np.cumsum(counts)
+        within = np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - counts, counts)
+        return np.repeat(rows, counts), np.repeat(self._chunk_first[chunks], counts) + within
 
     def entered(self, mean: FloatArray, covariance: FloatArray, piece: IntArray) -> Entries:
         """What begins to keep to a lane: the artificial measurement, used once.
@@ -158,7 +190,7 @@ class LaneCourse:
             (N,) as of :meth:`piece_of`; where it is -1 nothing begins.
         """
         at = np.maximum(piece, 0)
-        local, inner = self._local(mean, covariance, at)
+        local, inner = self._on_lane(mean, covariance, at)
         gap = -local[:, 1::2]
         across = inner[:, 1::2, 1::2]
         noise = np.zeros_like(across)
@@ -173,8 +205,7 @@ class LaneCourse:
         # Against the direction of a lane nobody begins to keep to it.
         ahead = ndtr(local[:, 2] / np.sqrt(np.maximum(inner[:, 2, 2], 1e-12)))
         share = share * np.where(self.one_way[at], ahead, 1.0) * (piece >= 0)
-        after, spread = self._ground(local, inner, at)
-        return Entries(share, after, 0.5 * (spread + np.swapaxes(spread, -1, -2)))
+        return Entries(share, *self._on_ground(local, inner, at))
 
     def moved(
         self,
@@ -188,7 +219,7 @@ class LaneCourse:
 
         Past its end a lane goes straight on.
         """
-        local, inner = self._local(mean, covariance, piece)
+        local, inner = self._on_lane(mean, covariance, piece)
         ahead, ahead_noise = white_noise_acceleration(dt_s, acceleration_density_m2ps3, 1)
         aside, aside_noise = offset_motion(float(dt_s), self.correlation_s)
         step, noise = np.zeros((4, 4)), np.zeros((len(mean), 4, 4))
@@ -197,20 +228,35 @@ class LaneCourse:
         noise[:, 1::2, 1::2] = self.std_m[piece][:, None, None] ** 2 * aside_noise
         local = local @ step.T
         inner = step @ inner @ step.T + noise
-        # Given the place along the lane all else is Gaussian: its moments at the nodes.
-        std = np.sqrt(inner[:, 0, 0])
-        slope = inner[:, :, 0] / std[:, None]
-        rest = inner - slope[:, :, None] * slope[:, None, :]
-        nodes = local[:, None, :] + _NODES[:, None] * slope[:, None, :]
-        flat = nodes.reshape(-1, 4)
+        return self._on_ground(local, inner, piece)
+
+    def _on_lane(
+        self, mean: FloatArray, covariance: FloatArray, piece: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Moments in way along the lane, offset to the left, and their rates.
+
+        On a bend who is farther along goes in another direction: to a rate across that is of the
+        lane, not of the road's axes where the mean is.
+        """
+        points, rest = _nodes(mean, covariance, self._turn(piece)[:, :, 0])
+        each = np.repeat(rest, len(_NODES), axis=0)
+        at = np.repeat(piece, len(_NODES))
+        flat = points.reshape(-1, 4)
+        for _ in range(2):
+            at = self._piece_at(self._local(flat, each, at)[0][:, 0], at)
+        return _moments_of(*self._local(flat, each, at), points.shape)
+
+    def _on_ground(
+        self, local: FloatArray, covariance: FloatArray, piece: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The reverse of :meth:`_on_lane`; ``piece`` (N,) says which lane."""
+        along = np.zeros_like(local)
+        along[:, 0] = 1.0
+        points, rest = _nodes(local, covariance, along)
+        flat = points.reshape(-1, 4)
         at = self._piece_at(flat[:, 0], np.repeat(piece, len(_NODES)))
-        ground, spread = self._ground(flat, np.repeat(rest, len(_NODES), axis=0), at)
-        shape = nodes.shape
-        return moments(
-            np.broadcast_to(_WEIGHTS, shape[:2]),
-            ground.reshape(shape),
-            spread.reshape(*shape, 4),
-        )
+        each = np.repeat(rest, len(_NODES), axis=0)
+        return _moments_of(*self._ground(flat, each, at), points.shape)
 
     def _local(
         self, mean: FloatArray, covariance: FloatArray, piece: IntArray
@@ -247,6 +293,28 @@ class LaneCourse:
         """Piece (N,) at ways (N,) along the lane of ``piece`` (N,)."""
         found = np.searchsorted(self.way, way, side="right") - 1
         return np.clip(found, self.first[piece], self.last[piece])
+
+
+def _nodes(
+    mean: FloatArray, covariance: FloatArray, direction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Gaussians (N, J, 4) of which each is known in a direction (N, 4), and the rest (N, 4, 4).
+
+    Given that component, at the nodes of a quadrature, all else is Gaussian with one covariance.
+    """
+    slope = (covariance @ direction[:, :, None])[:, :, 0]
+    variance = np.sum(slope * direction, axis=-1)
+    slope = slope / np.sqrt(np.maximum(variance, 1e-12))[:, None]
+    rest = covariance - slope[:, :, None] * slope[:, None, :]
+    return mean[:, None, :] + _NODES[:, None] * slope[:, None, :], rest
+
+
+def _moments_of(
+    points: FloatArray, covariance: FloatArray, shape: tuple[int, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Moments (N, 4), (N, 4, 4) over the nodes, which stand one after the other."""
+    weights = np.broadcast_to(_WEIGHTS, shape[:2])
+    return moments(weights, points.reshape(shape), covariance.reshape(*shape, 4))
 
 
 def rounded(points: FloatArray, reach_m: float) -> FloatArray:

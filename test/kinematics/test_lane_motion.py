@@ -137,6 +137,39 @@ def test_bends_by_monte_carlo():
     assert (np.abs(np.cov(cloud.T) - covariance[0]) < 0.08 * np.outer(std, std)).all()
 
 
+def test_keepers_are_tracked_consistently_round_bends():
+    """NEES of a Kalman filter with this motion, on vehicles that move so: 4."""
+    lane = Lane("s", np.array([[0, 0], [700, 0], [1200, 500], [2400, 500.0]]), 12.0, 5.0)
+    course, n, density = LaneCourse((lane,), 10.0), 200, 0.25
+    rng = np.random.default_rng(6)
+    std = 12.0 * OF_WIDTH
+    first = np.diag([400.0, std**2, 4.0, (std / 10.0) ** 2])
+    x = rng.multivariate_normal([150.0, 0.0, 15.0, 0.0], first, n)
+    mean, covariance = np.tile([150.0, 0.0, 15.0, 0.0], (n, 1)), np.tile(first, (n, 1, 1))
+    aside, aside_noise = offset_motion(2.0, 10.0)
+    ahead_noise = density * np.array([[8.0 / 3.0, 2.0], [2.0, 2.0]])
+    squared = []
+    for _ in range(45):
+        x[:, 0] += 2.0 * x[:, 2]
+        x[:, 0::2] += rng.multivariate_normal([0.0, 0.0], ahead_noise, n)
+        x[:, 1::2] = x[:, 1::2] @ aside.T
+        x[:, 1::2] += rng.multivariate_normal([0.0, 0.0], std**2 * aside_noise, n)
+        truth = states(course, x)
+        piece = course.piece_of(mean, covariance)
+        assert (piece >= 0).all()
+        mean, covariance = course.moved(mean, covariance, piece, 2.0, density)
+        z = truth[:, :2] + rng.normal(0.0, 10.0, (n, 2))
+        gain = covariance[:, :, :2] @ np.linalg.inv(covariance[:, :2, :2] + 100.0 * np.eye(2))
+        mean = mean + (gain @ (z - mean[:, :2])[..., None])[..., 0]
+        covariance = covariance - gain @ covariance[:, :2]
+        gap = mean - truth
+        squared.append(np.sum(gap * np.linalg.solve(covariance, gap[..., None])[..., 0], axis=1))
+    each = np.mean(squared, axis=0)
+    error = each.std(ddof=1) / math.sqrt(n)
+    assert error < 0.08
+    assert each.mean() == pytest.approx(4.0, abs=0.2)
+
+
 def test_entries_by_quadrature():
     """Share, mean and covariance of g N over a lattice across the lane."""
     course = LaneCourse((STRAIGHT,), 10.0)
@@ -195,6 +228,35 @@ def test_lanes_are_chosen_by_place_heading_and_direction():
     assert course.lane[piece[:3]].tolist() == [0, 1, 2]
     assert piece[3] == -1
     assert course.entered(mean, covariance, piece).probability[3] == 0.0
+
+
+def test_the_nearest_piece_is_that_of_a_search_through_all():
+    rng = np.random.default_rng(3)
+    lanes = tuple(
+        Lane(f"{k}", 2000.0 * rng.random((5, 2)), 8.0 + k, 4.0, (FORWARD, "both")[k % 2])
+        for k in range(6)
+    )
+    course = LaneCourse(lanes, 5.0)
+    mean = np.hstack([2000.0 * rng.random((60, 2)), rng.normal(0.0, 8.0, (60, 2))])
+    spread, fast = rng.uniform(1.0, 900.0, 60), rng.uniform(0.1, 4.0, 60)
+    covariance = np.zeros((60, 4, 4))
+    covariance[:, range(4), range(4)] = np.stack([spread, spread, fast, fast], axis=1)
+    found = course.piece_of(mean, covariance)
+    assert 8 < np.count_nonzero(found >= 0) < 55
+    for x, p, v, piece in zip(mean, spread, fast, found, strict=True):
+        costs = []
+        for k in range(len(course.lane)):
+            t, length = course.along[k], course.length[k]
+            way = (x[:2] - course.start[k]) @ t
+            gap = x[:2] - course.start[k] - min(max(way, 0.0), length) * t
+            cost = gap @ gap / (course.std_m[k] ** 2 + p)
+            rate = course.std_m[k] / 5.0
+            cost += (t[0] * x[3] - t[1] * x[2]) ** 2 / (rate**2 + v)
+            past = (way < 0 and k == course.first[k]) or (way > length and k == course.last[k])
+            against = course.one_way[k] and t @ x[2:] < -math.sqrt(v)
+            costs.append(math.inf if past or against else cost)
+        best = int(np.argmin(costs))
+        assert piece == (best if costs[best] <= 36.0 else -1)
 
 
 def test_corners_are_rounded_and_ends_stay():

@@ -32,12 +32,12 @@ def belief(ring, row=0):
 
 
 def test_the_filter_is_consistent_on_keepers(tmp_path):
-    """NEES of vehicles that all keep to their roads, round the bends, with misses: 4 or so.
+    """NEES of vehicles that all keep to their roads, round the bends, with misses: 4 at most.
 
     Each has a road of its own, far from the others: the test is of the filter, not of the
     association.
     """
-    n, scans = 36, 60
+    n, scans = 30, 50
     states = roads.keepers(n, scans + 1, 3)
     aside = np.zeros((n, 4))
     aside[:, 1] = 300.0 * (np.arange(n) - n / 2)
@@ -69,9 +69,9 @@ def test_the_filter_is_consistent_on_keepers(tmp_path):
     # Scans hang together: the scatter of each vehicle's mean tells how far off that of all may be.
     mean = np.mean(found, axis=0)
     error = mean.std(ddof=1) / math.sqrt(n)
-    assert error < 0.3
-    # Not too sure of itself; where a density has to go round a bend it is given away a little.
-    assert 3.4 - 2.0 * error < mean.mean() < 4.0 + 2.0 * error
+    assert error < 0.35
+    # Not too sure of itself; what is left is the doubt whether they keep to their road at all.
+    assert 3.0 < mean.mean() < 4.0 + 2.6 * error
 
 
 def test_an_artificial_measurement_on_each_scan_would_be_too_sure():
@@ -179,7 +179,7 @@ def patrol_states(keeps=True, scans=79):
     return np.hstack([place, velocity])
 
 
-@pytest.mark.parametrize("decision", ["jpda", "mht"])
+@pytest.mark.parametrize("decision", ["gda", "mht"])
 def test_a_plan_is_used_by_those_who_keep_it(tmp_path, decision):
     path = patrol(tmp_path / "plan.yaml", 15.0)
     found = {}

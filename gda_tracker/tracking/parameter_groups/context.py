@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 from gda_tracker.kinematics.context import Context
 from gda_tracker.kinematics.lane_motion import LaneCourse
@@ -114,7 +115,8 @@ class ContextParameters:
         """What the filter makes of lanes and plans; without a file there are none."""
         if not self.context_file:
             return Courses(None, {})
-        density = float(self.process_noise_std_mps2) ** 2
+        whole: Any = self  # the motion is another group's
+        density = float(whole.process_noise_std_mps2) ** 2
         context = self.context
         return Courses(
             LaneCourse(context.lanes, self.lane_correlation_s) if context.lanes else None,
