@@ -101,9 +101,10 @@ def figures(one: dict[str, Any], gapped: dict[str, Any]) -> dict[str, float]:
     }
     for name, targets in (("keepers", KEEPERS), ("leavers", LEAVERS), ("planned", PLANNED)):
         columns = errors[:, [target - 1 for target in targets]]
-        # Of those that are lost the error says nothing: they count as lost.
-        near = np.where(columns < NEAR_M, columns, np.nan)
-        found[name] = float(np.sqrt(np.nanmean(near**2)))
+        # Of those that are lost the error says nothing: they count as lost. Where all of them are,
+        # the run counts in no mean of errors.
+        near = columns[columns < NEAR_M]
+        found[name] = float(np.sqrt(np.mean(near**2))) if len(near) else float("nan")
     leaving = [errors[scan : scan + DEPARTURE_SCANS, target - 1] for target, scan in LEAVES.items()]
     found["departure"] = float(np.mean(np.minimum(leaving, NEAR_M)))
     belief = [one["beliefs"][scan:, target - 1, 0] for target, scan in LEAVES.items()]
@@ -176,29 +177,23 @@ def measure(runs: int, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         "methods": {},
     }
     for method in METHODS:
-        entry: dict[str, Any] = {}
-        for name in scenarios:
-            several = found[method, name]
-            entry[name] = {
-                key: [round(v, 4) for v in mean_and_stderr(np.array([o[key] for o in several]))]
-                for key in several[0]
-            }
+        both = {name: found[method, name] for name in scenarios}
+        entry: dict[str, Any] = {
+            name: {key: _mean([one[key] for one in several]) for key in several[0]}
+            for name, several in both.items()
+        }
         entry["gain"] = {
-            key: [
-                round(v, 4)
-                for v in mean_and_stderr(
-                    np.array(
-                        [
-                            a[key] - b[key]
-                            for a, b in zip(found[method, TOLD], found[method, UNTOLD], strict=True)
-                        ]
-                    )
-                )
-            ]
-            for key in ("keepers", "planned", "leavers", "departure", "lost", "gap", "gap_error")
+            key: _mean([a[key] - b[key] for a, b in zip(both[TOLD], both[UNTOLD], strict=True)])
+            for key in ("keepers", "planned", "leavers", "departure", "lost", "gap")
         }
         numbers["methods"][method] = entry
     return numbers, first
+
+
+def _mean(values: list[float]) -> list[float]:
+    """Mean and standard error of those that are there."""
+    known = np.array(values)
+    return [round(v, 4) for v in mean_and_stderr(known[np.isfinite(known)])]
 
 
 def tables(numbers: dict[str, Any]) -> str:
