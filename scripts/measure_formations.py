@@ -36,6 +36,7 @@ from gda_tracker.tracking.ring import Ring  # noqa: E402
 from gda_tracker.vocabulary.recordings import Recording  # noqa: E402
 from gda_tracker.vocabulary.scans import Detections, ScanTruth  # noqa: E402
 from scripts.doc_tables import markdown, write_section  # noqa: E402
+from scripts.formation_information import information  # noqa: E402
 
 PAGE = ROOT / "docs" / "formations.md"
 FIGURES = ROOT / "docs" / "formations.json"
@@ -263,6 +264,16 @@ def lineage(runs: int, seed: int) -> dict[str, Any]:
     }
 
 
+def what_a_scan_says() -> list[dict[str, float]]:
+    """How much one scan says of partly unresolved objects at best, by their number."""
+    scenario, found = load_scenario(SCENARIO), []
+    for n in NUMBERS[1:]:
+        own = [target for target in scenario.targets if target.id // 10 == n]
+        places = np.array([target.initial_position_m for target in own])
+        found.append(information(places, HALF_M, SPREAD_M))
+    return found
+
+
 def cost(seed: int) -> dict[str, float]:
     """Processor time per scan [ms] of the ring and of the formations, on the scenario."""
     scenario = load_scenario(SCENARIO)
@@ -285,6 +296,7 @@ def measure(runs: int, tests: int, seed: int) -> dict[str, Any]:
         "errors": error_rates(tests, seed),
         "cardinality": cardinality(runs, seed),
         "lineage": lineage(runs, seed),
+        "information": what_a_scan_says(),
         "cost": cost(seed),
     }
 
@@ -329,6 +341,20 @@ def tables(found: dict[str, Any]) -> str:
     text += (
         f"\n\nThe whole tracker on {found['runs']} runs of five formations (P_D 0.9, 40 false "
         "alarms a scan), from the first scan on:\n\n" + markdown(rows[0], rows[1:])
+    )
+    rows = [["objects", "a scan says [nat]", "scans to 1000 : 1", "places known [nat]", "scans"]]
+    rows += [
+        [
+            f"{e['n']:.0f}, not {e['n'] + 1:.0f}",
+            *(f"{e['draws_nat']:.2f}", f"{e['draws_scans']:.0f}"),
+            *(f"{e['places_nat']:.2f}", f"{e['places_scans']:.0f}"),
+        ]
+        for e in found["information"]
+    ]
+    text += (
+        "\n\nWhat the number of detections of a scan says of partly unresolved objects (mean log "
+        "ratio against one object more), with the model, and at best, if it were known where "
+        "each one flies:\n\n" + markdown(rows[0], rows[1:])
     )
     own = found["lineage"]
     text += (

@@ -5,7 +5,11 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
+import pytest
+
 from scripts import measure_formations as report
+from scripts.formation_information import true_counts
 
 
 def figures():
@@ -21,6 +25,19 @@ def test_the_figures_are_of_the_settings_that_the_script_has_now():
     made = {(e["case"], e["design"], e["truth"]) for e in found["errors"]}
     assert made == {(c, d, n) for c in report.CASES for d in report.DESIGNS for n in report.NUMBERS}
     assert all(len(entry["share"]) == report.SCANS for entry in found["cardinality"])
+
+
+def test_what_a_scan_says_at_best():
+    # Two objects: linked with the probability 1/2 at this distance.
+    counts = true_counts(np.array([[0.0, 0.0], [300.0, 0.0]]), 300.0, 3)
+    both = 0.5 * 0.9**2
+    assert counts == pytest.approx([0.5 * 0.1 + 0.5 * 0.01, 0.5 * 0.9 + 0.09, both, 0.0])
+    found = report.what_a_scan_says()
+    for entry, committed in zip(found, figures()["information"], strict=True):
+        assert entry == pytest.approx(committed)
+        # No model says more than the true distribution.
+        assert entry["places_nat"] >= entry["draws_nat"] > 0.0
+    assert found[-1]["draws_scans"] > report.SCANS
 
 
 def test_what_the_page_says_holds():

@@ -99,6 +99,10 @@ def test_the_table_of_stops_is_that_of_its_figures_and_they_are_told():
         assert one["told"][0] > 0.8
         # Not more than the design allows: 0.001 a test, of a few scans each.
         assert one["false"] <= 3
+    assert tuple(found["at the bound"]) == stops.AT_BOUND
+    for one in found["at the bound"].values():
+        assert one["finished"] > 100
+        assert one["wrong"] <= one["design"] * one["finished"]
 
 
 def test_a_vehicle_stands_from_when_it_is_slow_until_it_is_not():

@@ -87,9 +87,9 @@ class EventParameters:
     )
     blind_speed_mps: float = parameter(
         0.0,
-        "stops of a radar that drops slow echoes, as blind_speed_mps of track_manager: not to be "
-        "seen then counts for a stop, of tracks of whatever else sees nothing it must not; "
-        "moving_speed_mps should be well above; 0: only states are looked at",
+        "tracks of a radar that drops slow echoes, as blind_speed_mps of track_manager: that a "
+        "track is not seen counts for a stop (docs/track-events.md); moving_speed_mps should be "
+        "well above; 0: only states are looked at",
         unit="m/s",
         minimum=0.0,
         maximum=1e4,

@@ -242,10 +242,11 @@ def _first_beliefs(
         # Nothing is known of the scan: the new tracks know nothing about their class.
         n, c = len(detection), len(table.class_names)
         return _ignorance(n, table), np.full((n, c), 1.0 / max(c, 1))
-    columns = np.union1d(table.focal, evidence.focal).astype(np.uint32)
-    if len(columns) != len(table.focal):
-        missing = columns[~np.isin(columns, table.focal)]
-        table.use_focal(np.concatenate([table.focal, missing]))
+    if not np.array_equal(table.focal, evidence.focal):
+        columns = np.union1d(table.focal, evidence.focal).astype(np.uint32)
+        if len(columns) != len(table.focal):
+            missing = columns[~np.isin(columns, table.focal)]
+            table.use_focal(np.concatenate([table.focal, missing]))
     masses = move_columns(evidence.masses[detection], evidence.focal, table.focal)
     return masses, evidence.class_probability[detection]
 

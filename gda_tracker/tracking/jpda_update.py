@@ -85,8 +85,9 @@ def update_states_by_marginals(
         return
     updated = table.select(hypothesis)
     update_states(updated, scan, detection, use_range_rate)
-    reweight(updated, np.arange(len(updated)), zone, detected=True)
-    reweight(table, np.arange(len(table)), zone, detected=False)
+    if zone is not None:
+        reweight(updated, np.arange(len(updated)), zone, detected=True)
+        reweight(table, np.arange(len(table)), zone, detected=False)
     if shared is not None:
         hypothesis = np.concatenate([hypothesis, shared.rows])
         marginal = np.concatenate([marginal, shared.marginal])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gda_tracker_msgs.msg import Scan, TrackArray
+from gda_tracker_msgs.msg import Formation, FormationArray, Scan, TrackArray
 from graph_helpers import TIMEOUT_S, scenario_plays
 from marker_viewer import Viewer
 from rclpy.node import Node
@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from gda_tracker.io.bags import read_bag
-from gda_tracker.io.markers.parameters import MARKER_ARRAY, marker_topic, marker_topics
+from gda_tracker.io.markers.parameters import LAYERS, MARKER_ARRAY, marker_topic, marker_topics
 from gda_tracker.io.messages import tracks_from_message
 from gda_tracker.nodes.markers import MarkersNode
 from gda_tracker.nodes.qualities import latched, stream
@@ -44,6 +44,7 @@ class Sender(Screen):
         super().__init__(**options)
         self.tracks = self.create_publisher(TrackArray, "tracks", stream())
         self.scans = self.create_publisher(Scan, "scans", latched())
+        self.formations = self.create_publisher(FormationArray, "track_formations", stream())
 
 
 def test_beside_a_ring_only_what_is_looked_at_is_made(domain):
@@ -107,7 +108,9 @@ def test_what_cannot_be_read_is_counted_and_what_is_recorded_is_whole(domain, tm
         wait = nodes.spin_until
         assert wait(lambda: screen.tracks.get_subscription_count() == 2, TIMEOUT_S)
         assert wait(lambda: screen.scans.get_subscription_count() == 2, TIMEOUT_S)
-        assert wait(lambda: len(markers.figures()["looked_at"].split(", ")) == 10, TIMEOUT_S)
+        assert wait(
+            lambda: len(markers.figures()["looked_at"].split(", ")) == len(LAYERS), TIMEOUT_S
+        )
         of_tracks = markers._publishers_of["tracks"]
         assert wait(lambda: of_tracks.get_subscription_count() == 2, TIMEOUT_S)
         good = message(7, 5_000_000_000, track_id=3)
@@ -129,6 +132,19 @@ def test_what_cannot_be_read_is_counted_and_what_is_recorded_is_whole(domain, tm
             before = markers.counters[counter]
             screen.tracks.publish(sent)
             assert wait(lambda c=counter, n=before: markers.counters[c] > n, TIMEOUT_S), counter
+        # Formations are those of the tracks' epoch; one has no place.
+        found = FormationArray(header=good.header, key=good.key, system_uuid=good.system_uuid)
+        one = Formation(formation_id=3, track_ids=[3], parent_track_ids=[-1])
+        one.number_probabilities = [1.0]
+        lost = Formation(formation_id=4, track_ids=[4], parent_track_ids=[-1])
+        lost.number_probabilities = [1.0]
+        lost.position = [float("nan"), 0.0]
+        found.formations = [one, lost]
+        before = markers.counters["not_drawn"]
+        assert wait(lambda: screen.formations.get_subscription_count() == 2, TIMEOUT_S)
+        screen.formations.publish(found)
+        assert wait(lambda: markers.counters["published formations"] == 1, TIMEOUT_S)
+        assert markers.counters["not_drawn"] == before + 1
         screen.scans.publish(bad_scan)
         assert wait(lambda: markers.counters["malformed_scans"] == 1, TIMEOUT_S)
         # The track of the first message has ended with the one that is not drawn.

@@ -211,3 +211,16 @@ def test_a_class_that_the_evidence_has_not_is_counted():
     ring.manager.set_parameters(other)
     ring.process(scan_at(1.0, [[3000.0, 500.0]]))
     assert ring.manager.counters["class_motion_unknown_class"] == 1
+
+
+def test_extremes_of_a_straight_flight_stay_near_the_truth():
+    """Of 34 states the most extreme one: an extreme of noise, but picked by what it surely is."""
+    parameters, recording = by_motion(targets=slice(3, 5))
+    ring, told = play(with_method(parameters, "map/bayes/imm"), recording.detections)
+    last, truth = told[-1].tracks, recording.truth[-1].target_state
+    row = np.linalg.norm(last.mean[:, None, :2] - truth[None, :, :2], axis=2).argmin(axis=0)
+    (greatest, least, acceleration) = ring.manager.state.motion.extremes[row].swapaxes(0, 1)
+    speed = np.hypot(*truth[:, 2:].T)
+    assert (np.abs(greatest[:, 0] - speed) < 2.5 * greatest[:, 1]).all()
+    assert (np.abs(least[:, 0] - speed) < 2.5 * least[:, 1]).all()
+    assert (acceleration[:, 0] < 2.5 * acceleration[:, 1]).all()
