@@ -40,7 +40,7 @@ def test_worked_values_of_the_offset():
 
 
 @given(st.floats(0.5, 100.0), TIMES, TIMES)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_offsets_are_stationary_and_steps_compose(correlation, one, two):
     a = 1.0 / correlation
     drift = np.array([[0.0, 1.0], [-(a**2), -2.0 * a]])
@@ -58,7 +58,7 @@ def test_offsets_are_stationary_and_steps_compose(correlation, one, two):
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-1e5, 1e5), st.floats(0.2, 20.0))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_motion_turns_and_shifts_with_the_map(angle, shift, dt):
     rng = np.random.default_rng(5)
     mean = np.array([[400.0, 2.0, 14.0, 0.3]])
@@ -120,7 +120,7 @@ def test_bends_by_monte_carlo():
     rng = np.random.default_rng(4)
     mean = np.array([[870.0, 1.0, 15.0, 0.1]])
     spread = np.diag([400.0, 4.0, 4.0, 0.04])[None]
-    dt, density, n = 8.0, 0.5, 100_000
+    dt, density, n = 8.0, 0.5, 60_000
     piece = course.piece_of(mean, spread)
     after, covariance = course.moved(mean, spread, piece, dt, density)
     local = rng.multivariate_normal(mean[0], spread[0], n)
@@ -134,7 +134,7 @@ def test_bends_by_monte_carlo():
     # Half of the cloud has turned by 45 degrees, half has not.
     assert 3.0 < cloud[:, 3].mean() < 7.0
     assert (np.abs(cloud.mean(axis=0) - after[0]) < 0.05 * std).all()
-    assert (np.abs(np.cov(cloud.T) - covariance[0]) < 0.08 * np.outer(std, std)).all()
+    assert (np.abs(np.cov(cloud.T) - covariance[0]) < 0.1 * np.outer(std, std)).all()
 
 
 def test_keepers_are_tracked_consistently_round_bends():
@@ -149,7 +149,7 @@ def test_keepers_are_tracked_consistently_round_bends():
     aside, aside_noise = offset_motion(2.0, 10.0)
     ahead_noise = density * np.array([[8.0 / 3.0, 2.0], [2.0, 2.0]])
     squared = []
-    for _ in range(45):
+    for _ in range(40):
         x[:, 0] += 2.0 * x[:, 2]
         x[:, 0::2] += rng.multivariate_normal([0.0, 0.0], ahead_noise, n)
         x[:, 1::2] = x[:, 1::2] @ aside.T
@@ -234,15 +234,15 @@ def test_the_nearest_piece_is_that_of_a_search_through_all():
     rng = np.random.default_rng(3)
     lanes = tuple(
         Lane(f"{k}", 2000.0 * rng.random((5, 2)), 8.0 + k, 4.0, (FORWARD, "both")[k % 2])
-        for k in range(6)
+        for k in range(4)
     )
     course = LaneCourse(lanes, 5.0)
-    mean = np.hstack([2000.0 * rng.random((60, 2)), rng.normal(0.0, 8.0, (60, 2))])
-    spread, fast = rng.uniform(1.0, 900.0, 60), rng.uniform(0.1, 4.0, 60)
-    covariance = np.zeros((60, 4, 4))
+    mean = np.hstack([2000.0 * rng.random((30, 2)), rng.normal(0.0, 8.0, (30, 2))])
+    spread, fast = rng.uniform(1.0, 900.0, 30), rng.uniform(0.1, 4.0, 30)
+    covariance = np.zeros((30, 4, 4))
     covariance[:, range(4), range(4)] = np.stack([spread, spread, fast, fast], axis=1)
     found = course.piece_of(mean, covariance)
-    assert 8 < np.count_nonzero(found >= 0) < 55
+    assert 4 < np.count_nonzero(found >= 0) < 27
     for x, p, v, piece in zip(mean, spread, fast, found, strict=True):
         costs = []
         for k in range(len(course.lane)):

@@ -82,7 +82,7 @@ def test_worked_values_of_one_waypoint():
 
 
 @given(st.lists(st.integers(1, 9), min_size=2, max_size=7), st.floats(5.0, 80.0))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_waypoints_first_and_scans_out_of_sequence(steps, tolerance):
     """After any scans the keeper is what the joint Gaussian of all states is, given waypoints."""
     goal = plan(tolerance=tolerance)
@@ -140,7 +140,7 @@ def test_bridges_by_monte_carlo():
     goal = plan(times=(20.0, 45.0), tolerance=60.0)
     course = PlanCourse(goal, Q)
     rng = np.random.default_rng(8)
-    n = 100_000
+    n = 60_000
     x = rng.multivariate_normal(START, SPREAD, n)
     at, weight = [], np.zeros(n)
     for t, dt in ((10.0, 10.0), (20.0, 10.0), (45.0, 25.0)):
@@ -159,7 +159,7 @@ def test_bridges_by_monte_carlo():
     spread = (share[:, None] * (at[0] - centre)).T @ (at[0] - centre)
     std = np.sqrt(np.diag(spread))
     few = math.sqrt(np.sum(share**2))  # one over the root of the effective number
-    assert few < 0.03
+    assert few < 0.04
     assert (np.abs(centre - mean[0]) < 5.0 * few * std).all()
     assert (np.abs(spread - covariance[0]) < 8.0 * few * np.outer(std, std)).all()
 
