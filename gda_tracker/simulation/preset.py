@@ -11,8 +11,9 @@ import math
 from typing import Any
 
 from gda_tracker.parameters import ParameterError
-from gda_tracker.simulation.scenarios import NOT_KNOWN, KnownClass, Scenario
+from gda_tracker.simulation.scenarios import Scenario
 from gda_tracker.simulation.sensor_sections import sensor_parameters
+from gda_tracker.simulation.tracker_sections import NOT_KNOWN, KnownClass
 
 FALSE_ALARM = "false_alarm"
 FALSE_ALARM_LABEL = "VS"

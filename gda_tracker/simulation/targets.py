@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from gda_tracker.simulation.scenarios import Scenario, Target
+from gda_tracker.simulation.scenarios import Scenario
+from gda_tracker.simulation.world_sections import Target
 from gda_tracker.vocabulary.arrays import FloatArray
 
 STANDARD_GRAVITY_MPS2 = 9.80665

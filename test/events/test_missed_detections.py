@@ -21,8 +21,9 @@ from gda_tracker.kinematics.blind_zone import BlindZone, detection_probability_a
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.playback import with_method
 from gda_tracker.simulation.preset import tracker_preset
-from gda_tracker.simulation.scenarios import Stop, load_scenario
+from gda_tracker.simulation.scenarios import load_scenario
 from gda_tracker.simulation.simulate import simulate
+from gda_tracker.simulation.world_sections import Stop
 from gda_tracker.tracking.ring import Ring
 
 RADAR = {"blind_speed_mps": 2.0, "stopped_speed_mps": 1.0, "moving_speed_mps": 6.0}

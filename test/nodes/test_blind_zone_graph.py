@@ -8,8 +8,9 @@ from graph_helpers import differences, offline, play_in_one_process
 
 from gda_tracker.simulation.playback import of_recording, with_method
 from gda_tracker.simulation.preset import tracker_preset
-from gda_tracker.simulation.scenarios import Stop, load_scenario
+from gda_tracker.simulation.scenarios import load_scenario
 from gda_tracker.simulation.simulate import simulate
+from gda_tracker.simulation.world_sections import Stop
 
 
 def test_a_vehicle_stops_in_one_process(domain):

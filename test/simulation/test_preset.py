@@ -9,7 +9,8 @@ import pytest
 
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.preset import tracker_preset
-from gda_tracker.simulation.scenarios import KnownClass, load_scenario
+from gda_tracker.simulation.scenarios import load_scenario
+from gda_tracker.simulation.tracker_sections import KnownClass
 from gda_tracker.tracking.ring import stage_parameters
 
 

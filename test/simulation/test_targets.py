@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gda_tracker.simulation.scenarios import Manoeuvre, Target, load_scenario
+from gda_tracker.simulation.scenarios import load_scenario
 from gda_tracker.simulation.targets import STANDARD_GRAVITY_MPS2, target_states, true_states
+from gda_tracker.simulation.world_sections import Manoeuvre, Target
 
 
 def make_target(*manoeuvres: Manoeuvre, heading: float = 0.0, speed: float = 250.0) -> Target:

@@ -15,15 +15,11 @@ from gda_tracker.kinematics.gating import gate
 from gda_tracker.parameters import ParameterError
 from gda_tracker.simulation.playback import with_method
 from gda_tracker.simulation.preset import tracker_preset
-from gda_tracker.simulation.scenarios import (
-    Stop,
-    load_scenario,
-    scenario_from_mapping,
-    shipped_scenarios,
-)
+from gda_tracker.simulation.scenarios import load_scenario, scenario_from_mapping, shipped_scenarios
 from gda_tracker.simulation.schema import ScenarioError
 from gda_tracker.simulation.simulate import simulate
 from gda_tracker.simulation.targets import true_states
+from gda_tracker.simulation.world_sections import Stop
 from gda_tracker.tracking import checkpoint
 from gda_tracker.tracking.ring import Ring
 from gda_tracker.vocabulary import CONFIRMED, Detections
