@@ -176,7 +176,7 @@ def picture(found: dict[str, Any]) -> Any:
         bars.set_xticks(place, [method.split("/")[0] for method in MEASURED_METHODS])
         bars.set(title="False tracks in 6 minutes", ylabel="per run")
         bars.set_ylim(0.0, 60.0)
-        bars.legend(fontsize=8, ncols=2)
+        bars.legend(fontsize=7, ncols=2, loc="upper right", columnspacing=1.0, handlelength=1.2)
     return figure
 
 

@@ -53,7 +53,7 @@ class Ahead:
         through = _EYE + covariance @ self.matrix
         after = np.linalg.solve(through, error[..., None])[..., 0]
         spread = np.linalg.solve(through, covariance)
-        symmetric: FloatArray = np.asarray(0.5 * (spread + np.swapaxes(spread, -1, -2)), np.float64)
+        symmetric = np.asarray(0.5 * (spread + np.swapaxes(spread, -1, -2)), dtype=np.float64)
         squared = np.sum(error * (after @ self.matrix), axis=-1)
         share: FloatArray = np.exp(-0.5 * squared) / np.sqrt(np.linalg.det(through))
         return Entries(np.minimum(share, 1.0), self.planned + after, symmetric)
