@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 from gda_tracker.tracking.parameter_groups.blind_zone import BlindZoneParameters
 from gda_tracker.tracking.parameter_groups.class_motion import ClassMotionParameters
@@ -55,3 +57,15 @@ class TrackManagerParameters(
         self.check_class_motion()
         self.check_extended(self.max_detections_per_scan, self.clutter_density_per_m_rad)
         self.check_context(self.filter, self.tracking_frame)
+
+    @cached_property
+    def _of_sensors(self) -> dict[str, Any]:
+        if not self.context_file:
+            return super()._of_sensors
+        found = replace(self, context_file="")._of_sensors
+        for own in found.values():
+            # Lanes and plans as they were when these parameters were made.
+            object.__setattr__(own, "context_file", self.context_file)
+            own.__dict__.update(context=self.context)
+            own.__dict__.pop("courses", None)
+        return found
