@@ -60,7 +60,9 @@ def test_the_blind_zone():
         else:
             assert gain > 0.85
             assert gain > 10.0 * error
-            assert entry[blind.AWARE]["false"][0] > entry[blind.UNAWARE]["false"][0]
+            more = entry[blind.AWARE]["false"][0] - entry[blind.UNAWARE]["false"][0]
+            # Hardly any with sequential extraction, none here.
+            assert more >= 0.0 if label.endswith("sequential") else more > 1.0
 
 
 def test_a_run_of_the_blind_zone_counts_what_the_figures_count():
