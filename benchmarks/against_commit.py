@@ -147,8 +147,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         prog="python -m benchmarks.against_commit", description=__doc__.splitlines()[0]
     )
     parser.add_argument("commit", help="the earlier commit, as git names it")
-    parser.add_argument("--turns", type=int, default=20, help="default: 20")
-    parser.add_argument("--runs", type=int, default=8, help="runs of a turn, default: 8")
+    parser.add_argument("--turns", type=int, default=40, help="default: 40")
+    parser.add_argument("--runs", type=int, default=3, help="runs of a turn, default: 3")
     parser.add_argument("--scenario", action="append", metavar="NAME", help="may be repeated")
     parser.add_argument("--method", action="append", metavar="METHOD", help="may be repeated")
     parser.add_argument("--json", type=Path, default=RESULTS / "against_commit.json")
