@@ -26,7 +26,10 @@ from benchmarks.measuring import RESULTS, table, write_results
 ROOT = Path(__file__).parents[1]
 METHODS = ("gda/none/cv", "gda/dsm_classic/cv", "map/none/cv", "jpda/bayes/imm", "mht/bayes/imm")
 WORKER = """
-import gc, sys, time
+import gc, os, sys, time
+# Both on one core: others may be slower at the moment.
+if hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 sys.path.insert(0, sys.argv[1])
 import gda_tracker
 assert gda_tracker.__file__.startswith(sys.argv[1]), gda_tracker.__file__

@@ -198,31 +198,12 @@ def start_tracks(
     older, newer, cost = _allowed_pairs(points, fresh, max_speed_mps)
     older, newer = _match(older, newer, cost)
 
-    mean, start_covariance = two_point_states(
-        points.position[older],
-        points.covariance[older],
-        position[newer],
-        covariance[newer],
-        (stamps[newer] - points.stamp_ns[older]) / 1e9,
-    )
-    log_density = _log_density(
-        position[newer] - points.position[older],
-        points.covariance[older] + covariance[newer],
-        (stamps[newer] - points.stamp_ns[older]) / 1e9,
-        max_speed_mps,
-    )
-    if offset is not None:
-        mean, start_covariance = _move_back(mean, start_covariance, offset[newer])
-    new = NewTracks(
-        mean,
-        start_covariance,
-        unassigned[newer],
-        points.stamp_ns[older],
-        points.age_scans[older] + 1,
-        points.number[older],
-        log_density,
-        points.signal[older],
-    )
+    new = NewTracks()
+    if len(newer):
+        new = _tracks_of_pairs(points, fresh, older, newer, max_speed_mps)
+        new.detection = unassigned[newer]
+        if offset is not None:
+            new.mean, new.covariance = _move_back(new.mean, new.covariance, offset[newer])
     waiting = points.age_scans + 1 < memory_scans
     waiting[older] = False
     kept = points.select(waiting)
@@ -237,6 +218,26 @@ def start_tracks(
         np.concatenate([kept.age_scans + 1, fresh.age_scans]),
         np.concatenate([kept.number, fresh.number]),
         np.concatenate([kept.signal, fresh.signal]),
+    )
+
+
+def _tracks_of_pairs(
+    points: StartPoints, fresh: StartPoints, older: IntArray, newer: IntArray, max_speed_mps: float
+) -> NewTracks:
+    """Tracks at the times of their second detections; ``detection`` are rows of ``fresh``."""
+    dt_s = (fresh.stamp_ns[newer] - points.stamp_ns[older]) / 1e9
+    first, first_covariance = points.position[older], points.covariance[older]
+    second, second_covariance = fresh.position[newer], fresh.covariance[newer]
+    mean, covariance = two_point_states(first, first_covariance, second, second_covariance, dt_s)
+    return NewTracks(
+        mean,
+        covariance,
+        newer,
+        points.stamp_ns[older],
+        points.age_scans[older] + 1,
+        points.number[older],
+        _log_density(second - first, first_covariance + second_covariance, dt_s, max_speed_mps),
+        points.signal[older],
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from gda_tracker.tracking.blind_zone import outlived
 from gda_tracker.tracking.extraction import decide, held_between, sequential_test
 from gda_tracker.tracking.hypotheses import HypothesisTable
-from gda_tracker.tracking.lifecycle import confirmed, ended
+from gda_tracker.tracking.lifecycle import confirmed, ended, hits_in_window
 from gda_tracker.tracking.parameter_groups.life import M_OF_N, SEQUENTIAL
 from gda_tracker.tracking.parameters import TrackManagerParameters
 from gda_tracker.vocabulary.arrays import BoolArray, FloatArray
@@ -58,7 +58,12 @@ def _m_of_n(
     # It decides nothing here, but says how probably there is a target.
     test = sequential_test(p.false_track_probability, p.missed_track_probability)
     table.log_likelihood_ratio = held_between(table.log_likelihood_ratio, increments(), test)
-    table.status = confirmed(table.status, table.history, p.confirmation_hits, p.confirmation_scans)
+    hits = None
+    if np.count_nonzero(table.status != CONFIRMED):
+        hits = hits_in_window(table.history, p.confirmation_scans)
+    table.status = confirmed(
+        table.status, table.history, p.confirmation_hits, p.confirmation_scans, hits
+    )
     return ended(
         table.status,
         table.history,
@@ -71,6 +76,7 @@ def _m_of_n(
         confirmation_scans=p.confirmation_scans,
         deletion_misses=p.deletion_misses,
         tentative_deletion_misses=p.tentative_deletion_misses,
+        hits=hits,
     )
 
 

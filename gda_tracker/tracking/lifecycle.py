@@ -18,12 +18,20 @@ def hits_in_window(history: IntArray, window: int) -> IntArray:
 
 
 def confirmed(
-    status: IntArray, history: IntArray, confirmation_hits: int, confirmation_scans: int
+    status: IntArray,
+    history: IntArray,
+    confirmation_hits: int,
+    confirmation_scans: int,
+    hits: IntArray | None = None,
 ) -> IntArray:
-    """Return the status (N,) after M-of-N confirmation: M hits within the last N scans."""
+    """Return the status (N,) after M-of-N confirmation: M hits within the last N scans.
+
+    ``hits`` (N,) are those of the window, where they have been counted already.
+    """
     if (status == CONFIRMED).all():
         return status
-    enough = hits_in_window(history, confirmation_scans) >= confirmation_hits
+    hits = hits_in_window(history, confirmation_scans) if hits is None else hits
+    enough = hits >= confirmation_hits
     return np.where((status == CONFIRMED) | enough, CONFIRMED, TENTATIVE).astype(np.int64)
 
 
@@ -37,12 +45,13 @@ def ended(
     confirmation_scans: int,
     deletion_misses: int,
     tentative_deletion_misses: int,
+    hits: IntArray | None = None,
 ) -> BoolArray:
     """Which tracks (N,) end.
 
     A confirmed track ends after ``deletion_misses`` scans in a row without a detection (0: never).
     A tentative one ends after ``tentative_deletion_misses`` (0: never), or as soon as it can no
-    longer reach M hits within the N scans after its start.
+    longer reach M hits within the N scans after its start. ``hits`` as of :func:`confirmed`.
     """
     if (status == CONFIRMED).all():
         return coasted_scans >= (deletion_misses or NEVER)
@@ -50,5 +59,6 @@ def ended(
         status == CONFIRMED, deletion_misses or NEVER, tentative_deletion_misses or NEVER
     )
     remaining = np.maximum(confirmation_scans - age_scans, 0)
-    hopeless = hits_in_window(history, confirmation_scans) + remaining < confirmation_hits
+    hits = hits_in_window(history, confirmation_scans) if hits is None else hits
+    hopeless = hits + remaining < confirmation_hits
     return (coasted_scans >= limit) | ((status == TENTATIVE) & hopeless)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -15,16 +14,20 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 MaskArray: TypeAlias = NDArray[np.uint32]
 
 
+MOST_SHARED = 4096
+_without_elements: dict[tuple[int, ...], FloatArray] = {}
+
+
 def empty_floats(*shape: int) -> FloatArray:
     """Return a float64 array of zeros of the given shape, () meaning (0,).
 
     Arrays without elements are shared: there is nothing in them to change, and every message and
     table has many.
     """
-    shape = shape or (0,)
-    return _without_elements(shape) if 0 in shape else np.zeros(shape, dtype=np.float64)
-
-
-@lru_cache(maxsize=4096)
-def _without_elements(shape: tuple[int, ...]) -> FloatArray:
-    return np.zeros(shape, dtype=np.float64)
+    known = _without_elements.get(shape)
+    if known is not None:
+        return known
+    made = np.zeros(shape or 0, dtype=np.float64)
+    if not made.size and len(_without_elements) < MOST_SHARED:
+        _without_elements[shape] = made
+    return made
