@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from gda_tracker.commands.options import (
     MARKERS,
@@ -181,10 +180,11 @@ def _of_events(args: argparse.Namespace) -> dict[str, object]:
     from gda_tracker.events.parameters import EventParameters
     from gda_tracker.io.context_files import read_context_file
     from gda_tracker.parameters import from_mapping
+    from gda_tracker.tracking.context_files import full_path
 
     given = dict(node_of_file(args.params, TRACK_EVENTS) or {})
     if args.events:
-        given["context_file"] = str(Path(args.events).expanduser().resolve())
+        given["context_file"] = str(full_path(args.events).resolve())
     table = from_mapping(EventParameters, given)
     if table.context_file:
         read_context_file(table.context_file)

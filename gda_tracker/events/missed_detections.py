@@ -130,6 +130,7 @@ def look_increments(
     standing = 1.0 - hidden * (1.0 - false_detection_probability)
     told = moving > standing
     with np.errstate(divide="ignore"):
-        hit = np.log(standing / np.where(told, moving, 1.0))
+        # What stands and is never detected by chance: a ratio of 0, and still a number.
+        hit = np.log(np.maximum(standing, np.finfo(np.float64).tiny) / np.where(told, moving, 1.0))
         miss = np.log((1.0 - standing) / (1.0 - np.where(told, moving, 0.0)))
     return np.where(told, np.where(detected, hit, miss), 0.0)

@@ -24,7 +24,7 @@ def read_context_file(path: str | Path) -> Context:
         If the file cannot be read, is not YAML, a key is unknown or missing, or a value is not
         allowed; the message names file, lane or plan, and key.
     """
-    return _with_margins(context_files.read_context_file(path), str(Path(path).expanduser()))
+    return _with_margins(context_files.read_context_file(path), str(context_files.full_path(path)))
 
 
 def parse_context(text: str, name: str) -> Context:

@@ -315,10 +315,11 @@ def _events_wanted(values: Mapping[str, str]) -> bool:
 def _context_file(values: Mapping[str, str]) -> dict[str, str]:
     """Parameters of node track_events; the file is read now, to say what is wrong with it."""
     from gda_tracker.io.context_files import read_context_file
+    from gda_tracker.tracking.context_files import full_path
 
     if SWITCHES.get(values["events"]):
         return {}
-    path = os.path.abspath(Path(values["events"]).expanduser())
+    path = os.path.abspath(full_path(values["events"]))
     read_context_file(path)
     return {"context_file": path}
 

@@ -39,6 +39,8 @@ ROUNDED_WIDTHS = 2.0
 STEP_RAD = math.radians(1.0)
 MOST_STEPS = 32
 PIECES_OF_A_BOX = 16
+# Pairs of a state and a piece that are looked at together: each takes some 150 bytes.
+MOST_PAIRS = 1_000_000
 # What is farther off, in standard deviations of lane and state together, is on no lane.
 FARTHEST_STDS = 6.0
 # A uniform distribution over a width has this standard deviation.
@@ -131,6 +133,11 @@ class LaneCourse:
         deviations of lane and state. Past its ends there is no lane, none against its direction,
         and none farther off than 6 of these deviations.
         """
+        block = max(MOST_PAIRS // len(self.way), 1)
+        if len(mean) > block:
+            starts = range(0, len(mean), block)
+            each = [self.piece_of(mean[k : k + block], covariance[k : k + block]) for k in starts]
+            return np.concatenate(each)
         # Half the trace: the same from every side, which will do for a choice.
         spread = 0.5 * np.trace(covariance[:, :2, :2], axis1=1, axis2=2)
         row, piece = self._near(mean[:, :2], spread)

@@ -86,7 +86,9 @@ class Joiner:
         found = []
         for key in sorted(self._open):
             parts, since = self._open[key]
-            complete = len(parts) == len(PARTS) + 1 + self.with_formations
+            followed = FORMATIONS in parts
+            complete = len(parts) - followed == len(PARTS) + 1
+            complete = complete and (followed or not self.with_formations)
             late = "report" in parts and now - since >= self._wait_s
             crowded = len(self._open) > MOST_OPEN
             if not (complete or late or crowded):

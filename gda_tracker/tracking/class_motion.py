@@ -90,7 +90,8 @@ def histories_after(
     parameters
         Those of the scan; without ``class_motion`` there are no histories.
     counters
-        Scans are counted whose classes are not all that ``class_motion_names`` speaks of.
+        Scans are counted whose classes are not all that ``class_motion_names`` speaks of, and those
+        with a full window shorter than ``class_motion_span_s``: there are no accelerations.
     """
     if parameters.class_motion == OFF:
         return None
@@ -101,18 +102,23 @@ def histories_after(
     if before.past and before.past[-1].stamp_ns > stamp_ns:
         before = MotionHistories()  # the time axis has begun anew
     newest = PastScan(stamp_ns, _states(table, slice(None)))
-    past = (*before.past[-parameters.class_motion_scans :], newest)
+    scans = parameters.class_motion_scans
+    # A restart with a shorter window: what it has no room for is final as it is.
+    known = before.final if len(before.past) <= scans + 1 else before.extremes
+    past = (*before.past[-scans:], newest)
     final = no_extremes(h)
     if before.past:
         row = _rows_before(before.past[-1].table, table.hypothesis_id, table.parent_id)
-        final[row >= 0] = before.final[row[row >= 0]]
+        final[row >= 0] = known[row[row >= 0]]
     time_s = np.array([(scan.stamp_ns - stamp_ns) / 1e9 for scan in past])
     velocity, covariance = _retrodicted_velocities(past, parameters)
     speed = size_of(velocity, covariance)
     size, std, from_first = accelerations(
         time_s, velocity, covariance, parameters.class_motion_span_s
     )
-    if len(past) > parameters.class_motion_scans:
+    if len(past) > scans:
+        if parameters.class_acceleration_mps2 and -time_s[0] < parameters.class_motion_span_s:
+            counters["class_motion_window_too_short"] += 1
         oldest = extremes_of(
             (speed[0][:1], speed[1][:1]), (size[from_first][:1], std[from_first][:1])
         )

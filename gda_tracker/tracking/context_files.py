@@ -39,7 +39,7 @@ def read_context_file(path: str | Path) -> Context:
         If the file cannot be read, is not YAML, a key is unknown or missing, or a value is not
         allowed; the message names file, lane or plan, and key.
     """
-    path = Path(path).expanduser()
+    path = full_path(path)
     try:
         if path.stat().st_size > LARGEST_FILE_BYTES:
             raise ContextFileError(f"{path}: larger than {LARGEST_FILE_BYTES} bytes")
@@ -49,6 +49,22 @@ def read_context_file(path: str | Path) -> Context:
     except UnicodeDecodeError:
         raise ContextFileError(f"{path}: not a text file") from None
     return parse_context(text, str(path))
+
+
+def full_path(path: str | Path) -> Path:
+    """Return the path with its ``~`` replaced.
+
+    Raises
+    ------
+    ContextFileError
+        If it is no path, or of a user that there is not.
+    """
+    if "\0" in str(path):
+        raise ContextFileError(f"{str(path)!r}: allowed is a path")
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        raise ContextFileError(f"{path}: there is no such home directory") from None
 
 
 def parse_context(text: str, name: str) -> Context:
@@ -66,7 +82,7 @@ def parse_context(text: str, name: str) -> Context:
     values = _section(content, FILE_KEYS, (), name)
     frame = values.get("frame_id", "")
     if not isinstance(frame, str):
-        raise ContextFileError(f"{name}: frame_id = {frame!r}: allowed is a text")
+        raise ContextFileError(f"{name}: frame_id = {_told(frame)}: allowed is a text")
     lanes = _each(values.get("lanes"), f"{name}: lanes", f"{name}: lane", _lane)
     plans = _each(values.get("plans"), f"{name}: plans", f"{name}: plan", _plan)
     _distinct([lane.name for lane in lanes], f"{name}: lanes")
@@ -82,7 +98,7 @@ def _lane(document: Any, where: str) -> Lane:
     direction = values.get("direction", "both")
     if direction not in DIRECTIONS_OF_LANES:
         raise ContextFileError(
-            f"{where}: direction = {direction!r}: allowed is one of "
+            f"{where}: direction = {_told(direction)}: allowed is one of "
             f"{', '.join(DIRECTIONS_OF_LANES)}"
         )
     points = _list(values["points_m"], f"{where}: points_m", 2)
@@ -109,7 +125,7 @@ def _plan(document: Any, where: str) -> Plan:
     where = f"{where} ({name})"
     track_id = values["track_id"]
     if isinstance(track_id, bool) or not isinstance(track_id, int) or not 0 <= track_id < 2**63:
-        raise ContextFileError(f"{where}: track_id = {track_id!r}: allowed is an integer >= 0")
+        raise ContextFileError(f"{where}: track_id = {_told(track_id)}: allowed is an integer >= 0")
     times, points, tolerances, early_late = [], [], [], []
     for k, waypoint in enumerate(_list(values["waypoints"], f"{where}: waypoints", 2), 1):
         place = f"{where}, waypoint {k}"
@@ -154,7 +170,7 @@ def _section(
     document: Any, allowed: tuple[str, ...], required: tuple[str, ...], where: str
 ) -> Mapping[str, Any]:
     if not isinstance(document, Mapping):
-        found = "nothing" if document is None else repr(document)[:60]
+        found = "nothing" if document is None else _told(document)
         raise ContextFileError(f"{where}: {found}: allowed are keys {', '.join(allowed)}")
     for name in document:
         if name not in allowed:
@@ -172,14 +188,22 @@ def _section(
 def _list(value: Any, where: str, least: int) -> list[Any]:
     if not isinstance(value, list) or len(value) < least:
         what = f"a list of at least {least}" if least else "a list"
-        raise ContextFileError(f"{where} = {repr(value)[:60]}: allowed is {what}")
+        raise ContextFileError(f"{where} = {_told(value)}: allowed is {what}")
     return value
 
 
 def _name(value: Any, where: str) -> str:
     if not isinstance(value, str) or not value:
-        raise ContextFileError(f"{where}: name = {value!r}: allowed is a text")
+        raise ContextFileError(f"{where}: name = {_told(value)}: allowed is a text")
     return value
+
+
+def _told(value: Any) -> str:
+    """The beginning of a value; of integers with thousands of digits there is no text."""
+    try:
+        return repr(value)[:60]
+    except ValueError:
+        return "(too many digits)"
 
 
 def _distinct(values: list[Any], where: str, rule: str = "different names") -> None:
@@ -190,13 +214,13 @@ def _distinct(values: list[Any], where: str, rule: str = "different names") -> N
 
 def _number(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ContextFileError(f"{where} = {repr(value)[:60]}: allowed is a number")
+        raise ContextFileError(f"{where} = {_told(value)}: allowed is a number")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise ContextFileError(f"{where} = {str(value)[:20]}: allowed is a finite number")
+        raise ContextFileError(f"{where} = {_told(value)[:20]}: allowed is a finite number")
     return number
 
 
@@ -209,7 +233,7 @@ def _positive(value: Any, where: str) -> float:
 
 def _point(value: Any, where: str) -> list[float]:
     if not isinstance(value, list) or len(value) != 2:
-        raise ContextFileError(f"{where} = {repr(value)[:60]}: allowed is [x, y]")
+        raise ContextFileError(f"{where} = {_told(value)}: allowed is [x, y]")
     point = [_number(number, where) for number in value]
     if max(map(abs, point)) > LARGEST_M:
         raise ContextFileError(f"{where} = {value}: allowed are numbers up to {LARGEST_M:g}")

@@ -40,7 +40,8 @@ CELLS = {1: 32, 2: 16, 3: 8}
 SECTORS = {1: 36, 3: 12}
 # What priors count for, in detections.
 MEAN_PRIOR, CELL_PRIOR = 2.0, 0.5
-SMALLEST_EXTENT = 1.0
+# What lies beyond the largest is no measurement, and not counted.
+SMALLEST_EXTENT, LARGEST_EXTENT = 1.0, 1e9
 MOST = 3  # quantities
 
 
@@ -113,9 +114,11 @@ def observe(
     row, m = known.sensor_ids.index(sensor_id), len(model)
     lowest, highest = known.lowest.copy(), known.highest.copy()
     extent, exposure = known.extent.copy(), known.exposure_scans.copy()
+    sound = np.all(np.abs(value) < LARGEST_EXTENT, axis=1)
+    value, free = np.where(sound[:, None], value, 0.0), free[sound[free]]
     # What a track was given shows how far the sensor reaches, too.
-    lowest[row, :m] = np.minimum(lowest[row, :m], value.min(axis=0, initial=np.inf))
-    highest[row, :m] = np.maximum(highest[row, :m], value.max(axis=0, initial=-np.inf))
+    lowest[row, :m] = np.minimum(lowest[row, :m], value[sound].min(axis=0, initial=np.inf))
+    highest[row, :m] = np.maximum(highest[row, :m], value[sound].max(axis=0, initial=-np.inf))
     counts = known.counts_of(row)
     farthest = np.abs(value).max(axis=0, initial=0.0)
     begins = lowest_edge(model, extent[row])

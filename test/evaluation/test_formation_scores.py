@@ -212,5 +212,8 @@ def test_the_command_tells_of_formations(tmp_path):
     assert sum(b["samples"] for b in entry["formation_calibration"]) > 20
     bins = {"map/none/cv": entry["formation_calibration"]}
     assert png(stated_numbers(bins)).startswith(b"\x89PNG")
+    # A method that never had a track has no bins.
+    for some in ({"none": [], **bins}, {"none": []}):
+        assert png(stated_numbers(some)).startswith(b"\x89PNG")
     with pytest.raises(ParameterError, match="allowed is automatic"):
         monte_carlo([scenario], ["map/none/cv"], runs=1, formations=FormationParameters())

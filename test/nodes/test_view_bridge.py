@@ -162,6 +162,14 @@ def test_formations_are_waited_for_where_somebody_follows_them():
     assert len(joiner.due(2.25)) == 1
 
 
+def test_formations_that_come_unexpected_stand_for_no_other_part():
+    joiner, key = Joiner(), ScanKey(1, "radar", 10)
+    for name in (*NAMES, FORMATIONS):
+        assert joiner.take(name, key, part(name, key), 1.0) == []
+    (result,) = joiner.take("report", key, ScanReport(key, "degraded"), 1.0)
+    assert result.report.outcome == "degraded"
+
+
 def test_a_joiner_keeps_little():
     joiner = Joiner()
     for stamp in range(10 * MOST_OPEN):

@@ -334,3 +334,17 @@ def test_a_restart_goes_on_bit_for_bit(method, tmp_path):
     assert_same(second.manager.state.measurement_clutter, whole.manager.state.measurement_clutter)
     for scan in scans[10:]:
         assert_same(whole.process(scan).tracks, second.process(scan).tracks)
+
+
+def test_what_no_sensor_measures_is_not_counted():
+    model = MEASUREMENT_MODELS["fdoa"]
+    one = np.array([[20.0], [-30.0]])
+    known = observe(MeasurementClutter(), "s", model, one, np.arange(2), 50.0)
+    for garbage in (1e300, -1.7e308):
+        mad = np.concatenate([one, [[garbage]]])
+        found = observe(MeasurementClutter(), "s", model, mad, np.arange(3), 50.0)
+        np.testing.assert_array_equal(found.extent, known.extent)
+        np.testing.assert_array_equal(found.count, known.count)
+        local, mean = densities(found, "s", model, mad, 1e-3)
+        assert np.isfinite(local).all()
+        assert mean > 0.0

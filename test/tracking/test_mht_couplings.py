@@ -235,3 +235,23 @@ def test_a_track_that_ends_leaves_its_partner_what_they_shared():
 def test_at_most_three_tracks_are_coupled():
     assert together([(0, 1), (1, 2), (2, 3), (3, 4)]) == [True, True, False, True]
     assert sorted(components([(0, 1), (3, 4), (1, 2)])) == [(0, 1, 2), (3, 4)]
+
+
+def test_only_detections_that_are_near_are_weighed_for_groups_of_three(monkeypatch):
+    mean, covariance, scans = case(0, 3, 1, 2)
+    rng = np.random.default_rng(1)
+    far = np.stack([rng.uniform(4000.0, 30_000.0, 300), rng.uniform(-3.0, 3.0, 300)], axis=1)
+    weighed, likelihood = [], threes.three_log_likelihood
+
+    def counted(measurements, *args):
+        weighed.append(np.unique(args[-1]))
+        return likelihood(measurements, *args)
+
+    monkeypatch.setattr(threes, "three_log_likelihood", counted)
+    scores = []
+    for scan in (scans[0], np.concatenate([scans[0], far])):
+        ring = ring_of(**UNPRUNED)
+        fed(ring, mean, covariance, [scan])
+        scores.append(np.sort(ring.manager.state.table.log_score))
+        assert weighed[-1].tolist() == list(range(len(scans[0])))
+    np.testing.assert_allclose(scores[1], scores[0])

@@ -180,6 +180,8 @@ def stated_numbers(methods: Mapping[str, Sequence[Mapping[str, float]]]) -> Any:
         axes = figure.subplots()
         axes.plot([0.0, 1.0], [0.0, 1.0], color=GREY, lw=1.2)
         for index, (name, bins) in enumerate(methods.items()):
+            if not bins:
+                continue  # no formation held a track
             size = np.sqrt([entry["samples"] for entry in bins])
             axes.scatter(
                 [entry["stated"] for entry in bins],
@@ -195,5 +197,6 @@ def stated_numbers(methods: Mapping[str, Sequence[Mapping[str, float]]]) -> Any:
             xlabel="stated probability of the most probable number",
             ylabel="share of right numbers",
         )
-        axes.legend()
+        if any(methods.values()):
+            axes.legend()
     return figure

@@ -35,6 +35,11 @@ EXPLANATIONS: dict[str, Explanation] = {
         "class_motion_names speaks of a class that class_names of rcs_fuzzifier has not",
         "make class_motion_names names of class_names (docs/class-motion.md)",
     ),
+    "class_motion_window_too_short": _of(
+        WARNING,
+        "class_motion_scans scans last less than class_motion_span_s: acceleration tells nothing",
+        "make class_motion_scans larger, or class_motion_span_s smaller (docs/class-motion.md)",
+    ),
     # scans that were refused as a whole
     "rejected_late": _of(
         ERROR,

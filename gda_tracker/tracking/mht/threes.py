@@ -15,7 +15,11 @@ import numpy as np
 from gda_tracker.association.global_hypotheses import LOG_VANISHING
 from gda_tracker.association.unresolved import LEAST_UNRESOLVED, resolution_covariance
 from gda_tracker.kinematics.groups_of_three import three_log_likelihood, way_probabilities
-from gda_tracker.kinematics.sensor_models import polar_measurements
+from gda_tracker.kinematics.sensor_models import (
+    PolarMeasurements,
+    polar_measurements,
+    predicted_measurements,
+)
 from gda_tracker.tracking.hypotheses import HypothesisTable
 from gda_tracker.tracking.mht.compounds import compounds
 from gda_tracker.tracking.mht.couplings import CoupledTracks
@@ -121,18 +125,19 @@ def _of_three(
     resolution = resolution_covariance(
         np.array([settings.resolution_range_m, settings.resolution_azimuth_rad])
     )
-    parent = np.repeat(np.arange(len(rows)), len(scan))
-    detection = np.tile(np.arange(len(scan)), len(rows))
+    measurements = polar_measurements(scan)
+    # The chi-square quantile of two degrees of freedom.
+    threshold = -2.0 * np.log1p(-settings.gate_probability)
+    parent, detection = _near_in_range(measurements, table, rows, threshold)
     squared, log_likelihood = three_log_likelihood(
-        polar_measurements(scan),
+        measurements,
         table.mean[rows[parent]],
         table.covariance[rows[parent]],
         unresolved[parent],
         resolution,
         detection,
     )
-    # The chi-square quantile of two degrees of freedom.
-    inside = squared <= -2.0 * np.log1p(-settings.gate_probability)
+    inside = squared <= threshold
     parent = np.concatenate([np.arange(len(rows)), parent[inside]])
     detection = np.concatenate([np.full(len(rows), -1), detection[inside]])
     log_likelihood = np.concatenate([np.zeros(len(rows)), log_likelihood[inside]])
@@ -150,3 +155,25 @@ def _of_three(
     order = np.argsort(-(weight[parent] + gain), kind="stable")[:MOST_EVENTS_OF_THREE]
     order = np.sort(order)
     return EventsOfThree(rows[parent[order]], detection[order], score[order], log_likelihood[order])
+
+
+def _near_in_range(
+    measurements: PolarMeasurements, table: HypothesisTable, rows: IntArray, threshold: float
+) -> tuple[IntArray, IntArray]:
+    """Groups and detections (E,) that are near in range; all, where detections have own times."""
+    near = np.ones((len(rows), len(measurements)), dtype=np.bool_)
+    if measurements.time_offset_s is None and len(measurements):
+        leaves, place = np.unique(rows, return_inverse=True)
+        seen = predicted_measurements(
+            table.mean[leaves, :2], table.covariance[leaves, :2, :2], measurements.sensor_xy_m
+        )
+        range_m = seen.range_m[place].reshape(rows.shape)
+        variance = seen.covariance[place, 0, 0].reshape(rows.shape).sum(axis=1) / rows.shape[1] ** 2
+        middle = range_m.mean(axis=1)
+        # The links move the mean by less than the farthest member is away from it.
+        most = np.abs(range_m - middle[:, None]).max(axis=1)
+        total = variance[:, None] + measurements.covariance[:, 0, 0]
+        gap = np.abs(measurements.range_m - middle[:, None]) - most[:, None]
+        near = gap <= np.sqrt(threshold * total)
+    parent, detection = np.nonzero(near)
+    return parent, detection

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import Any
 
 from gda_tracker.kinematics.context import Context
@@ -15,7 +14,7 @@ from gda_tracker.kinematics.lane_motion import LaneCourse
 from gda_tracker.kinematics.motion_models import GPB2
 from gda_tracker.kinematics.plan_motion import PlanCourse
 from gda_tracker.parameters import ParameterError, parameter
-from gda_tracker.tracking.context_files import read_context_file
+from gda_tracker.tracking.context_files import full_path, read_context_file
 
 LANE_KEEPING, PLAN_KEEPING = "lane_keeping", "plan_keeping"
 
@@ -64,6 +63,7 @@ class ContextParameters:
         unit="s",
         minimum=0.0,
         minimum_excluded=True,
+        maximum=1e6,
         advanced=True,
     )
     plan_keeping_share: float = parameter(
@@ -101,7 +101,7 @@ class ContextParameters:
     @cached_property
     def context(self) -> Context:
         """Lanes and plans of the file as it was when the parameters were made."""
-        path = Path(self.context_file).expanduser()
+        path = full_path(self.context_file)
         try:
             status = path.stat()
         except OSError as error:
